@@ -107,7 +107,7 @@ ReadingView<double> Signatures::view(size_t i) const {
 
 std::vector<Signatures::Point> Signatures::grid(const std::string& id) const {
   const Effect* effect = find_effect(id);
-  if (!effect || !effect->missing(context_).empty()) return {};
+  if (!effect || !effect->lacking(context_).empty()) return {};
   return effect->start_grid(context_);
 }
 

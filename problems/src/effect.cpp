@@ -105,6 +105,11 @@ class EffectsAlongColumns {
 
 }  // namespace
 
+std::string Effect::lacking(const EffectContext& context) const {
+  const bool of_bearings = info().channel.rfind("bearing", 0) == 0;
+  return of_bearings && !context.reads_bearings ? "bearings (column bearing_rad)" : missing(context);
+}
+
 std::string id_without_column(const std::string& id) { return id.substr(0, id.find(before_column)); }
 
 std::string column_in_id(const std::string& id) {
@@ -173,7 +178,7 @@ std::vector<const Effect*> effects_of(const EffectContext& context) {
           column.std_dev > 0.0 && effect->lies_along(column.role))
         effects.push_back(find_effect(effect->info().id + before_column + context.covariates[c]));
     // The kind itself where it needs no column, or for a column that is lacking.
-    if (effects.size() == before || effect->missing(context).empty()) effects.push_back(effect);
+    if (effects.size() == before || effect->lacking(context).empty()) effects.push_back(effect);
   }
   std::erase_if(effects, [&](const Effect* effect) {
     const std::string& id = effect->info().id;

@@ -14,7 +14,7 @@ def _axes(ax, **size):
 
 
 def recording(self, ax=None):
-    """The readings in the plane as read from the commanded stops; of pairs, reading minus true distance."""
+    """The readings in the plane as read from the commanded stops, of ranges alone the stops; of pairs, reading minus true distance."""
     ax = _axes(ax)
     if self.kind == "pairs":
         ax.plot(self.true_m, 1e3 * (self.range_m - self.true_m), ".", markersize=3)
@@ -22,9 +22,11 @@ def recording(self, ax=None):
         return ax
     stops = np.asarray(self.stops)
     radius = np.asarray(self.landmark_radius_m)[self.landmark]
-    direction = stops[self.stop, 2] + self.bearing_rad
     reach = self.range_m + radius
     for index, label in enumerate(self.landmark_labels):
+        if self.bearing_rad is None:
+            continue
+        direction = stops[self.stop, 2] + self.bearing_rad
         mine = self.landmark == index
         ax.plot((stops[self.stop, 0] + reach * np.cos(direction))[mine],
                 (stops[self.stop, 1] + reach * np.sin(direction))[mine], ".", markersize=3, label=label)

@@ -19,7 +19,7 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
     ----------
     observations : dict of array_like (n,), structured array, or pandas.DataFrame
         Columns ``stop, landmark, range_m, bearing_rad``; optional ``repeat, time_s``; every other numeric column is a
-        covariate. Angles in radians, NaN where a reading is missing.
+        covariate; without ``bearing_rad``, ranges alone. Angles in radians, NaN where a reading is missing.
     stops : table
         Columns ``stop, x_m, y_m, heading_rad``, the commanded poses; optional ``sigma_xy_m, sigma_heading_rad,
         place``, and the covariance of a stop or step ``cov_xx_m2, cov_xy_m2, cov_yy_m2, cov_hh_rad2, cov_xh_m_rad,

@@ -260,7 +260,9 @@ std::string what_it_gives_away(const Calibration& c, const Calibration& best) {
   switch (c.method) {
     case Method::closed_form:
       return (pairs ? "weighs all readings alike"
-                    : "takes the commanded stops for true and uses no range to place landmarks") +
+              : best.sigma_theta_rad
+                  ? "takes the commanded stops for true and uses no range to place landmarks"
+                  : "takes the commanded stops for true, and raw ranges for distances where it places landmarks") +
              cost;
     case Method::approximate:
       return (pairs ? "weighs readings as if noise grew with d^2"

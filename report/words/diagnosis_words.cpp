@@ -151,7 +151,7 @@ std::vector<BeforeAfter> before_after_rows(const Diagnosis& d) {
         number(in_mm(b.heldout_rms_range_m), "{:.2f}"), "");
   add("RMS range [mm]", fmt::format("{:.2f}", 1e3 * a.rms_range_m),
       fmt::format("{:.2f}", 1e3 * b.rms_range_m), "of the means of repeats");
-  if (d.baseline.kind == RecordingKind::landmarks)
+  if (d.baseline.kind == RecordingKind::landmarks && d.baseline.sigma_theta_rad)
     add("RMS bearing [deg]", fmt::format("{:.3f}", a.rms_bearing_rad / degree),
         fmt::format("{:.3f}", b.rms_bearing_rad / degree), "");
   add("chi-square / dof", fmt::format("{:.2f}", a.chi_sq_per_dof), fmt::format("{:.2f}", b.chi_sq_per_dof),

@@ -90,6 +90,15 @@ std::optional<std::string> lookalike(const std::vector<std::string>& columns, st
   return *close;
 }
 
+std::optional<std::size_t> optional_column(const std::string& file, const std::vector<std::string>& columns,
+                                           std::string_view name) {
+  const auto found = find_column(columns, name);
+  if (found) return found;
+  if (const auto close = lookalike(columns, name))
+    throw InputError(file, 1, *close, "is not read; '" + std::string(name) + "' is");
+  return std::nullopt;
+}
+
 std::string missing_column(const std::vector<std::string>& columns, std::string_view name) {
   const std::string text = "the column is missing";
   constexpr std::size_t shown = 40;

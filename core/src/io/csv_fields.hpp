@@ -51,6 +51,10 @@ std::optional<std::size_t> find_column(const std::vector<std::string>& columns, 
 /// A column that may be meant by this name: the same but for capitals or the unit.
 std::optional<std::string> lookalike(const std::vector<std::string>& columns, std::string_view name);
 
+/// A column that may be left out. Throws where another one of `file` has its name but for capitals or the unit.
+std::optional<std::size_t> optional_column(const std::string& file, const std::vector<std::string>& columns,
+                                           std::string_view name);
+
 /// What to say where there is no such column: the header may be cut by another separator, or spell it
 /// otherwise.
 std::string missing_column(const std::vector<std::string>& columns, std::string_view name);

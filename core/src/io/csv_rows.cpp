@@ -171,6 +171,10 @@ std::optional<std::size_t> CsvRows::find(std::string_view column) const {
   return io::find_column(parser_->columns, column);
 }
 
+std::optional<std::size_t> CsvRows::optional(std::string_view column) const {
+  return io::optional_column(file(), columns(), column);
+}
+
 std::size_t CsvRows::require(std::string_view column) const {
   if (const auto found = find(column)) return *found;
   throw InputError(file(), 1, std::string(column), io::missing_column(columns(), column));

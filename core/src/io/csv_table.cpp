@@ -39,11 +39,7 @@ std::size_t CsvTable::require(std::string_view column) const {
 }
 
 std::optional<std::size_t> CsvTable::optional(std::string_view column) const {
-  const auto found = find(column);
-  if (found) return found;
-  if (const auto close = io::lookalike(columns_, column))
-    throw InputError(file_, 1, *close, "is not read; '" + std::string(column) + "' is");
-  return std::nullopt;
+  return io::optional_column(file_, columns_, column);
 }
 
 std::string_view CsvTable::text(std::size_t row, std::size_t column) const {

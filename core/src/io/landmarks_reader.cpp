@@ -24,14 +24,14 @@ LabelIndex read_stops(const Files& files, Recording& recording) {
 }
 
 struct SightingColumns {
-  std::size_t stop, landmark, range, bearing;
-  std::optional<std::size_t> repeat, time;
+  std::size_t stop, landmark, range;
+  std::optional<std::size_t> bearing, repeat, time;
 
   explicit SightingColumns(const CsvRows& rows)
       : stop(rows.require("stop")),
         landmark(rows.require("landmark")),
         range(rows.require("range_m")),
-        bearing(rows.require("bearing_rad")),
+        bearing(rows.optional("bearing_rad")),
         repeat(rows.find("repeat")),
         time(rows.find("time_s")) {}
 };
@@ -42,12 +42,14 @@ struct Sighting {
   const char* unusable = nullptr;
 };
 
-// The range decides first; a reading whose bearing is missing cannot be used either.
+// The range decides first; where the file has bearings a reading without one cannot be used either.
 Sighting measurement(const CsvRows& rows, const SightingColumns& columns, const Sensor& sensor) {
-  const auto range = rows.number(columns.range), bearing = rows.number(columns.bearing);
+  const auto range = rows.number(columns.range);
   Sighting read{range.value_or(0.0), 0.0, unusable(sensor, range)};
+  if (!columns.bearing) return read;
+  const auto bearing = rows.number(*columns.bearing);
   if (bearing && std::isfinite(*bearing)) {
-    read.bearing_rad = checked_angle(rows, columns.bearing, *bearing);
+    read.bearing_rad = checked_angle(rows, *columns.bearing, *bearing);
   } else if (read.unusable == nullptr) {
     read.unusable = bearing ? "not finite" : "missing";
   }
@@ -162,9 +164,10 @@ void read_observations(const Files& files, const RecordingHeader& header, bool l
     readings.repeat.push_back(repeat);
     if (columns.time) readings.time_s.push_back(time_s);
     readings.range_m.push_back(read.range_m);
-    readings.bearing_rad.push_back(read.bearing_rad);
+    if (columns.bearing) readings.bearing_rad.push_back(read.bearing_rad);
     readings.row.push_back(rows.line());
   }
+  if (!columns.bearing) recording.notes.push_back("no column bearing_rad in observations.csv: ranges alone");
   if (counts.read == 0) throw InputError(rows.file(), 0, "", "holds a header and no rows");
   leave_out_cut_cells(cells, covariates, groups, recording);
 }

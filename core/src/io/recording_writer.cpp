@@ -182,7 +182,9 @@ std::string observations_text(const Recording& recording) {
   const bool time = !readings.time_s.empty();
   std::vector<std::string> columns{"stop", "landmark", "repeat"};
   if (time) columns.push_back("time_s");
-  columns.insert(columns.end(), {"range_m", "bearing_rad"});
+  columns.push_back("range_m");
+  const bool bearings = readings.has_bearings();
+  if (bearings) columns.push_back("bearing_rad");
   for (const auto& covariate : readings.covariates) columns.push_back(covariate.first);
   const GroupTexts groups(recording.groups, columns);
   CsvText csv(columns);
@@ -193,7 +195,7 @@ std::string observations_text(const Recording& recording) {
               std::to_string(readings.repeat[i])};
     if (time) fields.push_back(text_of(readings.time_s[i]));
     fields.push_back(text_of(readings.range_m[i]));
-    fields.push_back(text_of(readings.bearing_rad[i]));
+    if (bearings) fields.push_back(text_of(readings.bearing_rad[i]));
     for (const auto& covariate : readings.covariates) fields.push_back(text_of(covariate.second[i]));
     groups.add(i, fields);
     csv.add(fields);

@@ -66,6 +66,7 @@ JointNllParts joint_nll_parts(const JointProblem& problem, const JointState& sta
                      0.5 * c.bearing_weight[i] * bearing_information *
                          (bearing_error * bearing_error + c.bearing_mean_square[i]);
   }
+  parts.bearing -= silent_bearing_nll(problem);
   for (int k = 0; k < problem.stop_count(); ++k) parts.stops += stop_nll(problem, state, k);
   for (const KnownDistance& taped : problem.known_distances)
     parts.taped += gaussian_nll(

@@ -61,17 +61,18 @@ void append_cell(const Recording& recording, std::span<const std::size_t> rows, 
                  Cells& cells) {
   const Readings& r = recording.readings;
   const double count = static_cast<double>(rows.size());
-  const double first_bearing = r.bearing_rad[rows[0]];
+  const auto bearing_of = [&](std::size_t i) { return r.has_bearings() ? r.bearing_rad[i] : 0.0; };
+  const double first_bearing = bearing_of(rows[0]);
   double range_sum = 0.0, turn_sum = 0.0;
   for (std::size_t i : rows) {
     range_sum += r.range_m[i];
-    turn_sum += wrap_angle(r.bearing_rad[i] - first_bearing);
+    turn_sum += wrap_angle(bearing_of(i) - first_bearing);
   }
   const double range_mean = range_sum / count, turn_mean = turn_sum / count;
   double range_square = 0.0, turn_square = 0.0;
   for (std::size_t i : rows) {
     const double range = r.range_m[i] - range_mean;
-    const double turn = wrap_angle(r.bearing_rad[i] - first_bearing) - turn_mean;
+    const double turn = wrap_angle(bearing_of(i) - first_bearing) - turn_mean;
     range_square += range * range;
     turn_square += turn * turn;
   }
@@ -80,11 +81,12 @@ void append_cell(const Recording& recording, std::span<const std::size_t> rows, 
   cells.landmark.push_back(offset.landmark + landmark);
   cells.count.push_back(count);
   cells.range_weight.push_back(count);
-  cells.bearing_weight.push_back(count);
+  const SilentBearing silent(count);
+  cells.bearing_weight.push_back(r.has_bearings() ? count : silent.weight);
   cells.range_mean.push_back(range_mean);
   cells.range_mean_square.push_back(range_square / count);
   cells.bearing_mean.push_back(wrap_angle(first_bearing + turn_mean));
-  cells.bearing_mean_square.push_back(turn_square / count);
+  cells.bearing_mean_square.push_back(r.has_bearings() ? turn_square / count : silent.mean_square);
   cells.radius_m.push_back(recording.landmarks[landmark].radius_m);
 }
 
@@ -125,6 +127,11 @@ JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping 
     const Recording& recording = recordings[index];
     if (recording.kind != RecordingKind::landmarks)
       throw InputError(recording.path + ": is a recording of kind pairs; this needs kind landmarks");
+    if (index == 0) problem.reads_bearings = recording.readings.has_bearings();
+    if (recording.readings.has_bearings() != problem.reads_bearings)
+      throw InputError(recording.path + ": has " + (problem.reads_bearings ? "no " : "") +
+                       "bearings, and the recordings before it have " +
+                       (problem.reads_bearings ? "them" : "none") + "; calibrate them apart");
     const Offsets offset{problem.stop_count(), problem.landmark_count()};
     append_stops(recording, static_cast<int>(index), problem);
     append_cells(recording, offset, grouping, problem.cells);
@@ -179,6 +186,8 @@ JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
     c.bearing_mean.back() += r.count[i] * wrap_angle(r.bearing_mean[i] - r.bearing_mean[first.back()]);
   }
   c.range_weight = c.bearing_weight = c.count;
+  if (!rows.reads_bearings)
+    for (double& weight : c.bearing_weight) weight = SilentBearing(weight).weight;
   c.range_mean_square.assign(c.size(), 0.0);
   c.bearing_mean_square.assign(c.size(), 0.0);
   for (std::size_t j = 0; j < c.size(); ++j) {
@@ -199,6 +208,10 @@ JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
   merged.readings = std::accumulate(c.count.begin(), c.count.end(), 0.0);
   if (cell_of_row) *cell_of_row = std::move(cell);
   return merged;
+}
+
+double silent_bearing_nll(const JointProblem& problem) {
+  return problem.reads_bearings ? 0.0 : problem.readings * (half_log_two_pi + 0.5);
 }
 
 double mean_range(const JointProblem& problem) {

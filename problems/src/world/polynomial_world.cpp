@@ -61,6 +61,7 @@ Recording simulate(const Scene& scene, std::uint64_t seed) {
     simulate_pairs(scene, seed, recording);
   } else {
     simulate_landmarks(scene, seed, recording);
+    if (!scene.reads_bearings) recording.readings.bearing_rad.clear();
   }
   return recording;
 }

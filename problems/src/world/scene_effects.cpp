@@ -63,6 +63,7 @@ EffectContext context_of(const Scene& scene) {
   context.landmark_count = static_cast<int>(context.landmark_radius_m.size());
   context.largest_cell = scene.repeats;
   context.largest_bearing_rad = largest_bearing(scene);
+  context.reads_bearings = scene.reads_bearings;
   return context;
 }
 
@@ -152,7 +153,7 @@ bool depends(const Effect& effect, const Given& values, const Move& move) {
 
 /// What the scene lacks for any size of the effect; empty if nothing.
 std::string lacks(const EffectContext& context, const Effect& effect) {
-  const std::string missing = effect.missing(context);
+  const std::string missing = effect.lacking(context);
   return missing.find("time_s") == std::string::npos ? missing : missing + ", which `timing` gives";
 }
 

@@ -32,8 +32,11 @@ void read_common(const YamlReader& node, const char* principle, Scene& scene) {
   scene.sensor.name = node.has("name") ? node.at("name").text() : "simulated";
   scene.sensor.principle = node.has("principle") ? node.at("principle").text() : principle;
   read_noise(node.at("noise"), scene);
-  if (scene.kind == RecordingKind::landmarks)
-    scene.sigma_theta_rad = node.at("sigma_theta_rad").not_negative();
+  if (scene.kind == RecordingKind::landmarks) {
+    const YamlReader of_bearings = node.at("sigma_theta_rad");
+    scene.reads_bearings = of_bearings.text() != "none";
+    if (scene.reads_bearings) scene.sigma_theta_rad = of_bearings.not_negative();
+  }
   if (node.has("range_min_m")) scene.sensor.range_min_m = node.at("range_min_m").not_negative();
   if (node.has("range_max_m")) {
     scene.sensor.range_max_m = node.at("range_max_m").number();

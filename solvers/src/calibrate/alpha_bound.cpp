@@ -43,12 +43,13 @@ std::optional<JointState> at_true_places(std::span<const Recording> recordings, 
 
 /// The calibration as a state of the problem of its own recordings.
 std::optional<JointState> state_of(const Calibration& c, const JointProblem& problem) {
-  if (!c.sigma_theta_rad || static_cast<int>(c.landmarks.size()) != problem.landmark_count())
+  if ((problem.reads_bearings && !c.sigma_theta_rad) ||
+      static_cast<int>(c.landmarks.size()) != problem.landmark_count())
     return std::nullopt;
   JointState state;
   state.alpha = c.alpha;
   state.noise = c.noise;
-  state.sigma_theta_rad = c.sigma_theta_rad->value;
+  state.sigma_theta_rad = problem.reads_bearings ? c.sigma_theta_rad->value : 1.0;
   if (problem.estimate_sigma_s) {
     if (!c.sigma_s_m) return std::nullopt;
     state.sigma_s_m = std::max(c.sigma_s_m->value, no_sigma_s(problem));

@@ -32,8 +32,9 @@ void fill_deviations(const JointProblem& problem, const JointFit& fit, Calibrati
     const double value = fit.state.noise.parameters[j];
     result.noise_estimates.push_back({value, std_dev(layout.tau_begin + j, logs ? value : 1.0)});
   }
-  result.sigma_theta_rad =
-      Estimate{fit.state.sigma_theta_rad, std_dev(layout.sigma_theta, fit.state.sigma_theta_rad)};
+  if (problem.reads_bearings)
+    result.sigma_theta_rad =
+        Estimate{fit.state.sigma_theta_rad, std_dev(layout.sigma_theta, fit.state.sigma_theta_rad)};
   if (problem.estimate_sigma_s && fit.state.sigma_s_m) {
     result.sigma_s_m = Estimate{*fit.state.sigma_s_m, std::nullopt};
     if (layout.sigma_s >= 0) result.sigma_s_m->std_dev = std_dev(layout.sigma_s, *fit.state.sigma_s_m);
@@ -161,7 +162,9 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
   JointState state;
   state.alpha = calibration.alpha;
   state.noise = calibration.noise;
-  if (calibration.sigma_theta_rad)
+  if (!job.problem.reads_bearings)
+    state.sigma_theta_rad = 1.0;
+  else if (calibration.sigma_theta_rad)
     state.sigma_theta_rad = calibration.sigma_theta_rad->value;
   else if (sigma_theta_rad)
     state.sigma_theta_rad = *sigma_theta_rad;

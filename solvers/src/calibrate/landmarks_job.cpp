@@ -10,6 +10,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calibrate/range_seed.hpp"
 #include "calibrate/too_few.hpp"
 #include "calibrate/walk_seed.hpp"
 #include "in_parallel.hpp"
@@ -68,8 +69,12 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
     }
   };
   add([&] { return closed_form_state(agreeing, closed); });
-  if (is_walk(agreeing)) add([&] { return walk_seed(agreeing, order, law); });
-  add([&] { return position_seed(agreeing, order, law); });
+  if (!agreeing.reads_bearings) {
+    add([&] { return range_seed(agreeing, order, law); });
+  } else {
+    if (is_walk(agreeing)) add([&] { return walk_seed(agreeing, order, law); });
+    add([&] { return position_seed(agreeing, order, law); });
+  }
   if (options.from && !candidates.empty()) {
     JointState state = candidates.back();
     const Calibration& from = *options.from;
@@ -85,7 +90,8 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
       state.alpha = Eigen::VectorXd::Zero(order + 1);
       state.alpha.head(from.alpha.size()) = from.alpha;
       if (from.noise.law == law) state.noise = from.noise;
-      if (from.sigma_theta_rad) state.sigma_theta_rad = from.sigma_theta_rad->value;
+      if (from.sigma_theta_rad && agreeing.reads_bearings)
+        state.sigma_theta_rad = from.sigma_theta_rad->value;
       candidates.push_back(state);
     }
   }
@@ -194,7 +200,8 @@ double LandmarksJob::parameters(const JointState& state) const { return paramete
 double parameter_count(const JointProblem& problem, const JointState& state, bool pairs) {
   const auto curve_and_noise = static_cast<double>(state.alpha.size() + state.noise.parameters.size());
   if (pairs) return curve_and_noise;
-  return curve_and_noise + 1.0 + 2.0 * problem.landmark_count() + (problem.estimate_sigma_s ? 1.0 : 0.0);
+  return curve_and_noise + (problem.reads_bearings ? 1.0 : 0.0) + 2.0 * problem.landmark_count() +
+         (problem.estimate_sigma_s ? 1.0 : 0.0);
 }
 
 JointState LandmarksJob::restated(const JointState& from, int order, NoiseLaw law) const {

@@ -202,7 +202,7 @@ CheckReport checked(const LandmarksJob& job, const JointState& seed, const Joint
 /// effect of another variable, and AIC, which takes readings for independent, lets it.
 std::optional<Run> run_of_lower_order(const LandmarksJob& job, Run& run, const SearchedModels& searched,
                                       CalibrationReport& report) {
-  if (job.options.order || run.order < 2) return std::nullopt;
+  if (job.options.order || run.order < 2 || !job.problem.reads_bearings) return std::nullopt;
   const MarginalOptions marginal = job.marginal_options();
   const RobustMarginalFit* shaped = run.shaped();
   struct AtOrder {
@@ -282,7 +282,7 @@ void add_checks(const LandmarksJob& job, const Judged& at, const RobustShapes* s
   });
   add_deviations(at.influence ? &*at.influence : nullptr, by_landmarks ? &*by_landmarks : nullptr,
                  calibration);
-  if (!at.influence) return;
+  if (!at.influence || !job.problem.reads_bearings) return;
   const LeftOutErrors errors =
       left_out_errors(job.agreeing, ReferenceDistances(job.agreeing, state), state, *at.influence, state);
   calibration.left_out =
@@ -332,7 +332,7 @@ void mark_unobservable_curves(const LandmarksJob& job, const std::optional<Joint
 /// AIC: these bend the curve after an effect that the model lacks. Where standard deviations by stops say that the model does not
 /// hold, AIC is no reason for a shape, and Gaussian noise may be worse by the standard error.
 bool gaussian_predicts_better(const LandmarksJob& job, Run& gaussian, const RobustMarginalFit& shaped) {
-  if (job.consensus.left_out > 0) return false;
+  if (job.consensus.left_out > 0 || !job.problem.reads_bearings) return false;
   const Judged& plain = gaussian.judgement();
   const Judged other = judged(job, shaped.fit, &shaped.shapes);
   if (!plain.influence || !other.influence) return false;

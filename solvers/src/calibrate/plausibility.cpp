@@ -37,6 +37,7 @@ std::string repeat_warning(std::span<const Recording> recordings, bool bearings)
   for (const Recording& recording : recordings) {
     std::map<std::pair<int, int>, std::pair<double, int>> first;
     const Readings& r = recording.readings;
+    if (bearings && !r.has_bearings()) continue;
     for (std::size_t i = 0; i < r.size(); ++i) {
       const double value = bearings ? r.bearing_rad[i] : r.range_m[i];
       auto& [of_cell, count] = first.try_emplace({r.stop[i], r.landmark[i]}, value, 0).first->second;
@@ -93,7 +94,7 @@ std::optional<int> order_without_noise(const JointProblem& problem, int lowest, 
   const Cells& c = problem.cells;
   for (std::size_t i = 0; i < c.size(); ++i)
     if (std::sqrt(c.range_mean_square[i]) > rounding * c.range_mean[i] ||
-        std::sqrt(c.bearing_mean_square[i]) > rounding)
+        (problem.reads_bearings && std::sqrt(c.bearing_mean_square[i]) > rounding))
       return std::nullopt;
   for (int order = lowest; order <= highest && c.size() > static_cast<std::size_t>(order) + 3; ++order) {
     JointState state;
@@ -111,7 +112,7 @@ std::optional<int> order_without_noise(const JointProblem& problem, int lowest, 
       const Eigen::Vector2d away =
           state.landmarks[static_cast<std::size_t>(c.landmark[i])] - Eigen::Vector2d(pose.x_m, pose.y_m);
       const double bearing = std::atan2(away.y(), away.x()) - pose.heading_rad;
-      if (!(std::abs(wrap_angle(c.bearing_mean[i] - bearing)) < rounding))
+      if (problem.reads_bearings && !(std::abs(wrap_angle(c.bearing_mean[i] - bearing)) < rounding))
         return std::nullopt;  // landmarks are where the bearings put them, at any order
       const double f = evaluate_polynomial(state.alpha, away.norm() - c.radius_m[i]);
       exact = exact && std::abs(f - c.range_mean[i]) < rounding * c.range_mean[i];

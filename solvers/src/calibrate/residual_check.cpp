@@ -89,7 +89,7 @@ void check_landmarks(const Recording& recording, int index, const Calibration& c
     const int k = recording.readings.stop[i], l = recording.readings.landmark[i];
     const double f = calibration.f(d);
     ranges.add(k, l, y - f, calibration.noise.spread(d, f));
-    if (!calibration.sigma_theta_rad) continue;
+    if (!calibration.sigma_theta_rad || !recording.readings.has_bearings()) continue;
     const double direction = std::atan2(sight.y(), sight.x()) - pose.heading_rad;
     const double off = wrap_angle(recording.readings.bearing_rad[i] - direction);
     ++check.bearings;

@@ -18,6 +18,7 @@ using Eigen::Vector2d;
 struct SweepNoise {
   double sigma_theta_sq;
   const RangeModel& model;
+  bool reads_bearings;
 };
 
 /// d^: the root of f(d) = y nearest to the present distance; that distance where there is no root within half
@@ -40,7 +41,8 @@ CellWeights sweep_weights(const RangeSample& s, const StopVariance& stop, const 
                           const SweepNoise& noise) {
   CellWeights weights;
   weights.curve = weight_of(s, RangeWeighting::d_squared);
-  weights.across = 1.0 / (stop.off_line(across, axis) + (noise.sigma_theta_sq / s.R + 1e-18) * axis * axis);
+  if (noise.reads_bearings)
+    weights.across = 1.0 / (stop.off_line(across, axis) + (noise.sigma_theta_sq / s.R + 1e-18) * axis * axis);
   const double slope = evaluate_derivative(noise.model.alpha, s.d);
   if (std::abs(slope) < 1e-3) return weights;  // the range says nothing about the distance here
   const double spread = noise.model.noise.spread(s.d, evaluate_polynomial(noise.model.alpha, s.d)) / slope;
@@ -117,11 +119,17 @@ Calibration approximate_fit(const JointProblem& problem, const ClosedFormOptions
                             const SolverLog& log) {
   Calibration result = begun_calibration(problem, Method::approximate);
   if (result.outcome == Outcome::too_few_data) return result;
-  const LandmarksFromBearings found = landmarks_from_bearings(problem, options.bearings);
-  LandmarkMap map = map_from(problem, found);
-  for (std::size_t l = 0; l < map.used.size(); ++l) map.used[l] = found.landmarks[l].cells >= 2;
+  LandmarkMap map;
+  double sigma_theta = 0.0;
+  if (problem.reads_bearings) {
+    const LandmarksFromBearings found = landmarks_from_bearings(problem, options.bearings);
+    map = map_from(problem, found);
+    for (std::size_t l = 0; l < map.used.size(); ++l) map.used[l] = found.landmarks[l].cells >= 2;
+    sigma_theta = found.sigma_theta_rad;
+  } else {
+    map = map_from(landmarks_from_ranges(problem));
+  }
   const std::vector<StopVariance> stops = stop_variances(problem, options.bearings.sigma_s_m);
-  double sigma_theta = found.sigma_theta_rad;
   std::optional<int> order = options.order;
   RangeModel model;
   std::vector<RangeSample> samples;
@@ -134,11 +142,12 @@ Calibration approximate_fit(const JointProblem& problem, const ClosedFormOptions
     model = fit_range_model(samples, RangeWeighting::d_squared, map.covariance, order, options);
     if (!is_usable(model.outcome) || !model.f_positive) break;
     order = static_cast<int>(model.alpha.size()) - 1;  // chosen once, then kept
-    if (!options.bearings.sigma_theta_rad) {
+    if (problem.reads_bearings && !options.bearings.sigma_theta_rad) {
       if (const auto estimate = sigma_theta_at(problem, map, stops)) sigma_theta = estimate->value;
     }
     ++result.iterations;
-    move = sweep_landmarks(problem, stops, samples, {sigma_theta * sigma_theta, model}, map);
+    move = sweep_landmarks(problem, stops, samples,
+                           {sigma_theta * sigma_theta, model, problem.reads_bearings}, map);
     log.iteration(result.iterations, not_known, move, not_known);
     if (!std::isfinite(move)) break;
     if (move < options.sweep_tolerance) {
@@ -162,7 +171,7 @@ Calibration approximate_fit(const JointProblem& problem, const ClosedFormOptions
     for (const RangeSample& s : samples)
       weights.push_back(sweep_weights(s, stops[s.stop], {s.u.y(), -s.u.x()},
                                       s.d + problem.cells.radius_m[s.cell],
-                                      {sigma_theta * sigma_theta, model}));
+                                      {sigma_theta * sigma_theta, model, problem.reads_bearings}));
     model.alpha_covariance =
         curve_covariance(problem, samples, weights, model, sigma_theta, options.bearings.sigma_s_m);
   }

@@ -11,6 +11,7 @@
 #include "closed_form/stop_variance.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/solvers/closed_form/landmarks_from_ranges.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
@@ -161,6 +162,13 @@ class Search {
   /// Steps 1 and 2.
   void place_landmarks() {
     const Cells& c = rows_.cells;
+    if (!rows_.reads_bearings) {
+      for (const LandmarkFromRanges& found : landmarks_from_ranges(rows_).landmarks)
+        landmarks_.push_back(found.position_m);
+      bearing_z_.assign(c.size(), 0.0);
+      range_z_.assign(c.size(), 0.0);
+      return;
+    }
     for (const std::vector<std::size_t>& own : of_landmark_) {
       std::vector<double> x, y;
       for (const std::size_t i : own) {
@@ -280,7 +288,7 @@ class Search {
     constexpr double close = 4.0;
     int best = -1;
     double nearest = 2.0 * close * close;
-    for (std::size_t l = 0; l < landmarks_.size(); ++l) {
+    for (std::size_t l = 0; rows_.reads_bearings && l < landmarks_.size(); ++l) {
       if (static_cast<int>(l) == rows_.cells.landmark[i] || of_landmark_[l].empty() ||
           rows_.landmark_recording[l] != rows_.landmark_recording[rows_.cells.landmark[i]])
         continue;

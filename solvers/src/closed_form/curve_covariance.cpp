@@ -77,7 +77,7 @@ MatrixXd curve_covariance(const JointProblem& problem, const std::vector<RangeSa
     curve += w.curve * a.phi * a.phi.transpose();
     F[s.landmark] += w.curve * a.slope * a.phi * s.u.transpose();
     M[s.landmark] += w.across * a.t * a.t.transpose() + w.along * s.u * s.u.transpose();
-    if (w.along > 0.0) N[s.landmark] += w.along / a.slope * s.u * a.phi.transpose();
+    if (w.along > 0.0 && !w.raw) N[s.landmark] += w.along / a.slope * s.u * a.phi.transpose();
   }
   std::vector<MatrixXd> K(landmarks, MatrixXd::Zero(p, 2));
   for (std::size_t l = 0; l < landmarks; ++l) {
@@ -93,7 +93,7 @@ MatrixXd curve_covariance(const JointProblem& problem, const std::vector<RangeSa
     const At a = at(s);
     const double spread = model.noise.spread(s.d, evaluate_polynomial(model.alpha, s.d));
     VectorXd of_range = w.curve * a.phi;
-    if (w.along > 0.0) of_range -= w.along / a.slope * K[s.landmark] * s.u;
+    if (w.along > 0.0) of_range -= w.along / (w.raw ? 1.0 : a.slope) * K[s.landmark] * s.u;
     const VectorXd of_bearing = w.across * a.axis * K[s.landmark] * a.t;
     own += (spread * spread * of_range * of_range.transpose() +
             sigma_theta_rad * sigma_theta_rad * of_bearing * of_bearing.transpose()) /

@@ -95,15 +95,27 @@ LandmarkMap map_from(const JointProblem& problem, const LandmarksFromBearings& f
   return map;
 }
 
+LandmarkMap map_from(const LandmarksFromRanges& found) {
+  LandmarkMap map;
+  for (const LandmarkFromRanges& landmark : found.landmarks) {
+    map.used.push_back(landmark.outcome == Outcome::converged);
+    map.position.push_back(landmark.position_m);
+    map.covariance.push_back(landmark.covariance);
+  }
+  return map;
+}
+
 Calibration begun_calibration(const JointProblem& problem, Method method) {
   Calibration result;
   result.method = method;
   result.covariance_reason =
       "first order, at the commanded stops; the bend that errors in the distances put into f is not in it";
+  if (!problem.reads_bearings && method == Method::closed_form)
+    result.covariance_reason += ", nor what taking raw ranges for true does to the landmarks";
   if (const int places = places_with_cells(problem); places < 3) {
     result.outcome = Outcome::too_few_data;
-    result.reason =
-        std::to_string(places) + " place(s) to stand: lines of sight have no redundancy with fewer than 3";
+    result.reason = std::to_string(places) +
+                    " place(s) to stand: lines of sight and ranges have no redundancy with fewer than 3";
   }
   return result;
 }
@@ -136,6 +148,7 @@ void fill_calibration(const JointProblem& problem, const LandmarkMap& map, const
 void fill_sigma_theta(const JointProblem& problem, const LandmarkMap& map,
                       const std::vector<StopVariance>& stops, const ClosedFormOptions& options,
                       Calibration& result) {
+  if (!problem.reads_bearings) return;
   if (options.bearings.sigma_theta_rad) {
     result.sigma_theta_rad = Estimate{*options.bearings.sigma_theta_rad, std::nullopt};
     return;

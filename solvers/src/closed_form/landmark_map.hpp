@@ -10,6 +10,7 @@
 #include "closed_form/stop_variance.hpp"
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
+#include "rangecal/solvers/closed_form/landmarks_from_ranges.hpp"
 
 namespace rangecal {
 
@@ -22,6 +23,8 @@ struct LandmarkMap {
 
 /// From the bearings; where they do not determine a landmark its position is the raw one, and it is not used.
 LandmarkMap map_from(const JointProblem& problem, const LandmarksFromBearings& found);
+/// From ranges alone; a landmark that they do not determine is not used.
+LandmarkMap map_from(const LandmarksFromRanges& found);
 
 /// The commanded position of a stop [m].
 Eigen::Vector2d commanded_position(const JointProblem& problem, int stop);
@@ -45,7 +48,7 @@ void append_reason(std::string& text, const std::string& more);
 void fill_calibration(const JointProblem& problem, const LandmarkMap& map, const RangeModel& model,
                       const std::vector<RangeSample>& samples, Calibration& result);
 
-/// sigma_theta of a calibration: the one given, or the estimate, or none and why.
+/// sigma_theta of a calibration: the one given, or the estimate, or none and why; none of ranges alone.
 void fill_sigma_theta(const JointProblem& problem, const LandmarkMap& map,
                       const std::vector<StopVariance>& stops, const ClosedFormOptions& options,
                       Calibration& result);

@@ -8,6 +8,7 @@
 #include <set>
 #include <vector>
 
+#include "calibrate/range_seed.hpp"
 #include "calibrate/walk_seed.hpp"
 #include "diagnosis/grids.hpp"
 #include "diagnosis/search.hpp"
@@ -28,6 +29,7 @@ int distinct_distances(const Rows& rows, const JointState& state) {
 /// Landmarks placed from where the stops were meant to be; along a random walk from where its readings put
 /// them, if that is more likely.
 JointState start_from_readings(const JointProblem& problem, int order, NoiseLaw law) {
+  if (!problem.reads_bearings) return range_seed(problem, order, law);
   JointState state = position_seed(problem, order, law);
   if (!is_walk(problem)) return state;
   try {
@@ -69,7 +71,7 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
     JointState state = start_of(rows, static_cast<int>(given.alpha.size()) - 1, given.noise.law);
     state.alpha = given.alpha;
     state.noise = given.noise;
-    if (given.sigma_theta_rad && !rows.pairs) state.sigma_theta_rad = given.sigma_theta_rad->value;
+    if (given.sigma_theta_rad && rows.reads_bearings()) state.sigma_theta_rad = given.sigma_theta_rad->value;
     best = refit(rows, {}, state, refit_options);
     if (!best.ok) throw NoAnswerError("the simulation's calibration cannot be applied to this recording");
     return best;

@@ -88,7 +88,9 @@ void Battery::score_rows(const Model& model) {
     const bool alone = rows_.cell_begin[cell + 1] - rows_.cell_begin[cell] == 1;
     const double home = projector_.geometry().bearing[cell];
     range[i] = alone ? 0.0 : working_.range_with_tail(i) - c.range_mean[cell];
-    bearing[i] = alone || rows_.pairs ? 0.0 : wrap_angle(working_.bearing[i] + home - c.bearing_mean[cell]);
+    bearing[i] = alone || !rows_.reads_bearings()
+                     ? 0.0
+                     : wrap_angle(working_.bearing[i] + home - c.bearing_mean[cell]);
   }
   range_scores_ = whiten(range, projector_.row_range_information, changes_.range_log_variance, range_rho);
   bearing_scores_ =

@@ -25,7 +25,7 @@ void Battery::ask_catalogue(Of of) {
 std::vector<Battery::Asked> Battery::asked_of_effect(const Effect& effect) const {
   std::vector<Asked> asked;
   const EffectInfo& info = effect.info();
-  if (!effect.missing(rows_.context).empty()) return asked;
+  if (!effect.lacking(rows_.context).empty()) return asked;
   bool any_linear = false;
   for (const EffectParameter& p : info.parameters) any_linear = any_linear || (p.linear && !p.discrete);
   bool acts_on_mean = false, acts_on_variance = false;

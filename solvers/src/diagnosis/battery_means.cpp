@@ -48,7 +48,7 @@ std::vector<double> Battery::Values::quantiles(int count) const {
 void Battery::ask_means() {
   MeanQuestions of_means(*this);
   for (bool of_bearing : {false, true})
-    if (!of_bearing || !rows_.pairs) of_means.ask_channel(of_bearing);
+    if (!of_bearing || rows_.reads_bearings()) of_means.ask_channel(of_bearing);
   of_means.ask_waiting();
 }
 

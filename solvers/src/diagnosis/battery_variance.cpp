@@ -23,7 +23,7 @@ void Battery::ask_variance_of_rows(const Question& question, const std::vector<E
                                    const std::vector<Eigen::VectorXd>& bearing,
                                    std::vector<Asked>& asked) const {
   for (bool of_bearing : {false, true}) {
-    if (of_bearing && rows_.pairs) continue;
+    if (of_bearing && !rows_.reads_bearings()) continue;
     std::vector<Eigen::VectorXd> shapes;
     for (const Eigen::VectorXd& rows : of_bearing ? bearing : range) {
       if (rows.squaredNorm() == 0.0) continue;
@@ -76,14 +76,14 @@ void Battery::fill_variance_units() {
     cell_dof += units.dof.tail(cells).sum();
   };
   fill(range_units, false);
-  if (!rows_.pairs) fill(bearing_units, true);
+  if (rows_.reads_bearings()) fill(bearing_units, true);
 }
 
 void Battery::ask_variances() {
   const int cells = rows_.cell_count;
   const CellGeometry& g = projector_.geometry();
   for (bool of_bearing : {false, true}) {
-    if (of_bearing && rows_.pairs) continue;
+    if (of_bearing && !rows_.reads_bearings()) continue;
     const std::string channel = of_bearing ? "bearing_noise" : "range_noise";
     const auto ask = [&](const std::string& covariate, const std::string& shape,
                          const std::vector<std::function<double(int)>>& slopes,
@@ -158,7 +158,7 @@ void Battery::ask_periods() {
   if (gaps.empty()) return;
   const double step = 0.5 / rows_.context.duration_s;  // two points per resolvable frequency
   const int count = std::min(4000, static_cast<int>(0.5 / upper_median(std::move(gaps)) / step));
-  std::vector<Question> asked(rows_.pairs ? 1 : 2);
+  std::vector<Question> asked(rows_.reads_bearings() ? 2 : 1);
   in_parallel(asked.size(), [&](std::size_t channel) {
     const bool of_bearing = channel == 1;
     const Eigen::ArrayXd scores = (of_bearing ? bearing_scores_ : range_scores_).array();
@@ -202,7 +202,7 @@ void Battery::ask_periods() {
 void Battery::ask_between_cells() {
   const int cells = rows_.cell_count;
   for (bool of_bearing : {false, true}) {
-    if (of_bearing && rows_.pairs) continue;
+    if (of_bearing && !rows_.reads_bearings()) continue;
     const VarianceUnits& units = of_bearing ? bearing_units : range_units;
     if (!(units.dof.head(cells).sum() > 0.5 * cells)) continue;  // no repeats
     Eigen::VectorXd between = Eigen::VectorXd::Zero(2 * cells);
@@ -222,11 +222,13 @@ void Battery::ask_scalars() {
   residuals.range_cells = projector_.whitened(projector_.range_residual);
   residuals.stops = Eigen::VectorXd::Zero(projector_.system().layout().coordinates);
   Eigen::VectorXd bearing_dof;
-  if (!rows_.pairs) {
+  if (rows_.reads_bearings()) {
     residuals.bearing_rows = bearing_scores_;
     residuals.bearing_cells =
         projector_.bearing_residual.cwiseProduct(projector_.bearing_information.cwiseSqrt());
     bearing_dof = bearing_units.dof.tail(cells);
+  }
+  if (!rows_.pairs) {
     for (const JointLayout::Node& node : projector_.system().layout().nodes) {
       if (!node.free_position) continue;
       const int k = node.stops.front();

@@ -263,8 +263,9 @@ bool drop_fine_grids(const Rows& rows, const JointState& state, Bookkeeping& kno
 Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Bookkeeping found;
   const GridEvidence range = grid_of(rows, rows.range_m, grid_without_repeats),
-                     bearing = rows.pairs ? GridEvidence()
-                                          : grid_of(rows, rows.bearing_rad, bearing_grid_without_repeats);
+                     bearing = !rows.reads_bearings()
+                                   ? GridEvidence()
+                                   : grid_of(rows, rows.bearing_rad, bearing_grid_without_repeats);
   // Rounding far below the spread repeats a value now and then and can be ignored: steps of a fifteenth of the
   // spread, or a sixth of all neighbours alike, are a grid that matters.
   const auto matters = [](const GridEvidence& e) {

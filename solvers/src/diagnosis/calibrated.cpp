@@ -69,7 +69,10 @@ Calibrated calibrated(std::span<const Recording> recordings, const Calibration& 
     state.sigma_theta_rad = 1.0;
     return result;
   }
-  if (calibration.sigma_theta_rad) state.sigma_theta_rad = calibration.sigma_theta_rad->value;
+  if (!result.rows.reads_bearings())
+    state.sigma_theta_rad = 1.0;
+  else if (calibration.sigma_theta_rad)
+    state.sigma_theta_rad = calibration.sigma_theta_rad->value;
   if (calibration.sigma_s_m) state.sigma_s_m = calibration.sigma_s_m->value;
   place_scene(recordings, calibration, result);
   return result;

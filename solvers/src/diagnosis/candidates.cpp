@@ -63,7 +63,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   // them.
   for (const Effect* effect : effects_of(rows.context)) {
     const EffectInfo& info = effect->info();
-    if (best.count(info.id) || contains(model, effect) || !effect->missing(rows.context).empty()) continue;
+    if (best.count(info.id) || contains(model, effect) || !effect->lacking(rows.context).empty()) continue;
     if (info.kind != EffectKind::dependence && info.kind != EffectKind::tail && !effect->acts_on_stops())
       continue;
     for (const Question& q : battery.questions) {

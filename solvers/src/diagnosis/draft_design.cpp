@@ -72,7 +72,7 @@ void DraftDesign::add(int stop, int landmark, double time_s, const double* covar
   r.repeat.push_back(0);
   r.time_s.push_back(time_s);
   r.range_m.push_back(1.0);
-  r.bearing_rad.push_back(0.0);
+  if (rows.problem.reads_bearings) r.bearing_rad.push_back(0.0);
   std::size_t column = 0;
   for (const std::string& name : rows.context.covariates) r.covariates[name].push_back(covariates[column++]);
 }

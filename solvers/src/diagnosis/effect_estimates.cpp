@@ -43,7 +43,7 @@ double freedom_of_estimates(const Rows& rows, const Projector& projector, const 
   share /= counted;
   const double range = share * 2.0 * fit.noise_std;
   const double bearing =
-      rows.pairs ? 0.0 : (1.0 - share) * 2.0 * fit.sigma_theta_std / fit.state.sigma_theta_rad;
+      rows.reads_bearings() ? (1.0 - share) * 2.0 * fit.sigma_theta_std / fit.state.sigma_theta_rad : 0.0;
   const double variance = range * range + bearing * bearing;
   if (!(variance > 0.0)) return std::numeric_limits<double>::infinity();
   return std::max(1.0, 2.0 / variance);

@@ -100,7 +100,7 @@ Gaps gaps_of(const Rows& rows) {
   // Close to the limit that the sensor states readings are missing by that limit, and cells were left out for it.
   constexpr double close = 0.85;
   Gaps gaps;
-  if (rows.pairs || rows.context.largest_cell < 3) return gaps;
+  if (!rows.reads_bearings() || rows.context.largest_cell < 3) return gaps;
   const std::vector<int>&stop = rows.problem.cells.stop, &landmark = rows.problem.cells.landmark;
   const auto count_of = [&](int c) -> double { return rows.cell_begin[c + 1] - rows.cell_begin[c]; };
   std::vector<double> full(rows.problem.stops.size(), 0.0), emptiest = full;

@@ -186,14 +186,17 @@ bool was_moved(const Readings& readings, const std::vector<const MisreadLabel*>&
 Bookkeeping correct_labels(std::vector<Recording>& recordings) {
   Bookkeeping found;
   for (Recording& recording : recordings)
-    if (recording.kind == RecordingKind::landmarks) correct_labels(recording, found);
+    if (recording.kind == RecordingKind::landmarks && recording.readings.has_bearings())
+      correct_labels(recording, found);
   return found;
 }
 
 std::vector<MisreadLabel> misread_labels(const Recording& recorded) {
   constexpr double far = 12.0;  // robust standard deviations
   constexpr double part_of_spacing = 0.8, most_of_cells = 0.02;
-  if (recorded.kind != RecordingKind::landmarks || recorded.readings.size() == 0) return {};
+  if (recorded.kind != RecordingKind::landmarks || recorded.readings.size() == 0 ||
+      !recorded.readings.has_bearings())
+    return {};
   Recording recording = recorded;
   Bookkeeping unused;
   correct_labels(recording, unused);

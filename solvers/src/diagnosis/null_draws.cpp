@@ -78,8 +78,10 @@ Eigen::VectorXd NullDraws::draw_cells(Random& random) const {
   for (int c = 0; c < cells; ++c) errors[c] = random.normal();
   errors.head(cells) = projector_.coloured(errors.head(cells));
   if (!rows_.pairs) {
-    const Eigen::VectorXd bearing_sd = spread_of(projector_.bearing_information);
-    for (int c = 0; c < cells; ++c) errors[cells + c] = random.normal() * bearing_sd[c];
+    if (rows_.reads_bearings()) {
+      const Eigen::VectorXd bearing_sd = spread_of(projector_.bearing_information);
+      for (int c = 0; c < cells; ++c) errors[cells + c] = random.normal() * bearing_sd[c];
+    }
     const Signature stops = projector_.of_stops(stop_errors(problem_.stops, random));
     errors.head(cells) += stops.range;
     errors.tail(cells) += stops.bearing;
@@ -137,7 +139,7 @@ NullDraw NullDraws::draw(Random& random) const {
   if (has_rows_) draw.range_rows = range.rows.cwiseQuotient(range_.row_scale);
   left.range_cells = std::move(range.cells);
   left.range_rows = std::move(range.rows);
-  if (!rows_.pairs) {
+  if (rows_.reads_bearings()) {
     Settled bearing = settle(
         bearing_, (errors.bearing - taken.bearing).cwiseProduct(projector_.bearing_information.cwiseSqrt()),
         random);

@@ -73,12 +73,13 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   for (auto* column : {&range_residual, &bearing_residual, &range_information, &bearing_information})
     column->resize(cells);
   slope_.resize(cells);
-  const double bearing_weight = rows.pairs ? 0.0 : 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
+  const double bearing_weight =
+      rows.reads_bearings() ? 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad) : 0.0;
   for (int i = 0; i < cells; ++i) {
     slope_[i] = geometry_.slope[i] + (c.effect_slope.empty() ? 0.0 : c.effect_slope[i]);
     range_residual[i] =
         c.range_mean[i] - geometry_.f[i] - c.effect_change(static_cast<std::size_t>(i), geometry_.d[i]);
-    bearing_residual[i] = rows.pairs ? 0.0 : wrap_angle(c.bearing_mean[i] - geometry_.bearing[i]);
+    bearing_residual[i] = rows.reads_bearings() ? wrap_angle(c.bearing_mean[i] - geometry_.bearing[i]) : 0.0;
     range_information[i] = c.range_weight[i] / (geometry_.spread[i] * geometry_.spread[i]);
     bearing_information[i] = c.bearing_weight[i] * bearing_weight;
   }

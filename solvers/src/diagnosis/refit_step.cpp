@@ -22,7 +22,7 @@ struct VarianceScore {
 
 VarianceScore centred(const Rows& rows, Eigen::VectorXd range, Eigen::VectorXd bearing) {
   range.array() -= range.mean();
-  if (!rows.pairs) bearing.array() -= bearing.mean();
+  if (rows.reads_bearings()) bearing.array() -= bearing.mean();
   return {std::move(range), std::move(bearing)};
 }
 
@@ -70,8 +70,8 @@ ParameterSlopes parameter_slopes(const Rows& rows, const WorkingProblem& working
       Eigen::VectorXd range, bearing;
       variance_signature(rows, projector.geometry(), active, free[a].index, range, bearing);
       VarianceScore& own = slopes.variance[a] = centred(rows, range, bearing);
-      slopes.score[a] =
-          0.5 * (own.range.dot(squares.range) + (rows.pairs ? 0.0 : own.bearing.dot(squares.bearing)));
+      slopes.score[a] = 0.5 * (own.range.dot(squares.range) +
+                               (rows.reads_bearings() ? own.bearing.dot(squares.bearing) : 0.0));
     }
   }
   return slopes;

@@ -195,7 +195,8 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
   c.noise = fit.state.noise;
   const auto known = [](double std_dev) { return std_dev > 0.0 ? std::optional(std_dev) : std::nullopt; };
   c.noise_estimates = {{fit.state.noise.parameters[0], known(fit.noise_std * fit.state.noise.parameters[0])}};
-  if (!rows.pairs) c.sigma_theta_rad = Estimate{fit.state.sigma_theta_rad, known(fit.sigma_theta_std)};
+  if (rows.reads_bearings())
+    c.sigma_theta_rad = Estimate{fit.state.sigma_theta_rad, known(fit.sigma_theta_std)};
   const CellGeometry g = cell_geometry(rows, fit.state);
   c.range_min_m = *std::min_element(g.d.begin(), g.d.end());
   c.range_max_m = *std::max_element(g.d.begin(), g.d.end());
@@ -301,7 +302,7 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
         "nothing could be asked: readings at one distance without times or other columns show no mismatch");
   std::map<std::string, std::string> effects_without;
   for (const Effect* effect : effects_of(rows.context)) {
-    const std::string missing = effect->missing(rows.context);
+    const std::string missing = effect->lacking(rows.context);
     if (missing.empty()) continue;
     std::string& effects = effects_without[missing];
     effects += (effects.empty() ? "" : ", ") + effect->info().id;

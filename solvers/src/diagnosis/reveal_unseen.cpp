@@ -28,8 +28,8 @@ std::vector<TypicalEffect> opened_by(const ExtendedDesign& design, const Space& 
   for (const Effect* effect : effects_of(context)) {
     const bool named = std::any_of(here.model().begin(), here.model().end(),
                                    [&](const ActiveEffect& active) { return active.effect == effect; });
-    if (named || !effect->missing(context).empty()) continue;
-    const bool lacked = !effect->missing(here.rows().context).empty();
+    if (named || !effect->lacking(context).empty()) continue;
+    const bool lacked = !effect->lacking(here.rows().context).empty();
     if (!lacked &&
         (design.varies.empty() || effect->start_grid(context).size() == effect->start_grid(without).size()))
       continue;

@@ -26,8 +26,8 @@ void add_grid(const Rows& rows, const CellGeometry& geometry, const ActiveEffect
     const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[c]));
     const GridSteps steps = grid.effect->grid_steps(view, grid.parameters.data());
     add(c, steps.range_m, geometry.spread[at], changes.range_log_variance, rounding.range[at]);
-    add(c, rows.pairs ? 0.0 : steps.bearing_rad, geometry.sigma_theta_rad, changes.bearing_log_variance,
-        rounding.bearing[at]);
+    add(c, rows.reads_bearings() ? steps.bearing_rad : 0.0, geometry.sigma_theta_rad,
+        changes.bearing_log_variance, rounding.bearing[at]);
   }
 }
 

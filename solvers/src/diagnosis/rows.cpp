@@ -96,7 +96,7 @@ void append_landmark_rows(const Recording& recording, int first_stop, int first_
     rows.repeat.push_back(static_cast<int>(rows.size()) - rows.cell_begin.back());
     rows.file_row.push_back(r.row.empty() ? 0 : r.row[i]);
     rows.range_m.push_back(r.range_m[i]);
-    rows.bearing_rad.push_back(r.bearing_rad[i]);
+    rows.bearing_rad.push_back(r.has_bearings() ? r.bearing_rad[i] : 0.0);
     rows.time_s.push_back(r.time_s.empty() ? 0.0 : r.time_s[i] - first_time);
     rows.radius_m.push_back(recording.landmarks[r.landmark[i]].radius_m);
     rows.heading_rad.push_back(recording.stops[r.stop[i]].commanded.heading_rad);
@@ -230,6 +230,7 @@ void append_pair_rows(const Recording& recording, int index, int first_landmark,
 void fill_context(std::span<const Recording> recordings, Rows& rows) {
   EffectContext& context = rows.context;
   context.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
+  context.reads_bearings = rows.problem.reads_bearings;
   context.carrier = carrier_of(recordings.front().sensor.principle);
   for (const Recording& recording : recordings)
     if (carrier_of(recording.sensor.principle) != context.carrier) context.carrier = Carrier::not_known;
@@ -255,7 +256,7 @@ void fill_context(std::span<const Recording> recordings, Rows& rows) {
   context.headings = std::sqrt(std::max(0.0, -2.0 * std::log(std::max(mean_length, 1e-12))));
   if (rows.size() > 0) {  // the readings stand for the distances: start grids need no more
     const auto [nearest, farthest] = std::minmax_element(rows.range_m.begin(), rows.range_m.end());
-    context.largest_bearing_rad = 0.0;
+    if (rows.problem.reads_bearings) context.largest_bearing_rad = 0.0;
     for (double bearing : rows.bearing_rad)
       context.largest_bearing_rad = std::max(context.largest_bearing_rad, std::abs(bearing));
     context.range_min_m = *nearest;

@@ -50,6 +50,7 @@ struct Rows {
   EffectContext context;
   JointProblem problem;  ///< the seed model's: cells in the same order as `cell`
   bool pairs = false;
+  bool reads_bearings() const { return !pairs && problem.reads_bearings; }
   SeedCurve curve;
   double range_min_m = 0.0;                                      ///< of the sensor, as stated
   double range_max_m = std::numeric_limits<double>::infinity();  ///< the same

@@ -127,7 +127,8 @@ std::vector<ScalarTest> ScalarTests::of(const UnitResiduals& residuals) const {
   std::vector<ScalarTest> tests;
   ask_rows("range", residuals.range_rows, residuals.range_cells, range_dof_, tests);
   if (rows_.pairs) return tests;
-  ask_rows("bearing", residuals.bearing_rows, residuals.bearing_cells, bearing_dof_, tests);
+  if (rows_.reads_bearings())
+    ask_rows("bearing", residuals.bearing_rows, residuals.bearing_cells, bearing_dof_, tests);
   ask_stops(residuals.stops, tests);
   return tests;
 }

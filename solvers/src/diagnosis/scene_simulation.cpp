@@ -108,7 +108,10 @@ Recording with_effects(Scene scene, std::uint64_t seed) {
 }  // namespace
 
 Recording simulate_scene(const Scene& scene, std::uint64_t seed) {
-  return scene.effects.empty() ? simulate(scene, seed) : with_effects(scene, seed);
+  if (scene.effects.empty()) return simulate(scene, seed);
+  Recording recording = with_effects(scene, seed);
+  if (!scene.reads_bearings) recording.readings.bearing_rad.clear();
+  return recording;
 }
 
 }  // namespace rangecal

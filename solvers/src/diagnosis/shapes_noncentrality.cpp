@@ -129,7 +129,7 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
     sum -= SerialErrors(rows.sequence, own.range_correlated_share, own.range_correlation).log_determinant();
   }
   const double repeats = static_cast<double>(rows.size()) - cells;
-  for (double rho : {own.range_correlation, rows.pairs ? 0.0 : own.bearing_correlation})
+  for (double rho : {own.range_correlation, rows.reads_bearings() ? own.bearing_correlation : 0.0})
     if (rho != 0.0) sum -= repeats * std::log1p(-std::min(rho * rho, 0.999));
   if (active.effect->info().kind == EffectKind::tail) {
     for (int c = 0; c < rows.cell_count; ++c) {  // repeats share a law

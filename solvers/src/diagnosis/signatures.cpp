@@ -147,7 +147,7 @@ Space::Direction Space::finish(Signature mean, Eigen::VectorXd range_variance,
   if (range_variance.size() > 0) {
     range_variance.array() -= range_variance.mean();
     bearing_variance.array() -= bearing_variance.mean();
-    if (rows_.pairs) bearing_variance.setZero();
+    if (!rows_.reads_bearings()) bearing_variance.setZero();
     d.range_variance = std::move(range_variance);
     d.bearing_variance = std::move(bearing_variance);
   }

@@ -22,6 +22,9 @@ namespace {
 
 using namespace diagnosis;
 
+/// False of ranges alone, whose calibration has no sigma_theta.
+bool reads_bearings(const SimulationModel& model) { return model.calibration.sigma_theta_rad.has_value(); }
+
 /// The layout with a running number in `row`, so that rows are found again, and placeholders for what was
 /// read.
 std::vector<Recording> layout_of(const SimulationModel& model) {
@@ -32,7 +35,7 @@ std::vector<Recording> layout_of(const SimulationModel& model) {
     Pairs& pairs = layout[r].pairs;
     readings.landmark = model.landmark_read.empty() ? readings.landmark : model.landmark_read[r];
     readings.range_m.assign(readings.stop.size(), 1.0);
-    readings.bearing_rad.assign(readings.stop.size(), 0.0);
+    readings.bearing_rad.assign(reads_bearings(model) ? readings.stop.size() : 0, 0.0);
     pairs.reading_m.assign(pairs.true_m.size(), 1.0);
     readings.row.resize(readings.size());
     pairs.row.resize(pairs.size());
@@ -160,7 +163,7 @@ std::vector<Recording> diagnosis::drawn_recordings(const SimulationModel& model,
       const GridReading read = on_grids(effects, {.range_m = y, .bearing_rad = direction});
       const std::size_t at = static_cast<std::size_t>(rows.file_row[i]);
       range[at] = read.range_m;
-      bearing[at] = rows.pairs ? 0.0 : wrap_angle(read.bearing_rad);
+      bearing[at] = rows.reads_bearings() ? wrap_angle(read.bearing_rad) : 0.0;
     }
   }
 
@@ -179,7 +182,7 @@ std::vector<Recording> diagnosis::drawn_recordings(const SimulationModel& model,
       recording.pairs.reading_m = part(range);
     } else {
       r.range_m = part(range);
-      r.bearing_rad = part(bearing);
+      r.bearing_rad = reads_bearings(model) ? part(bearing) : std::vector<double>();
       recording.truth = Truth{};
       for (std::size_t k = 0; k < recording.stops.size(); ++k)
         recording.truth.stops.push_back(state.stops[stop++]);

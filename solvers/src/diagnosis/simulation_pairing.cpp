@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -7,6 +9,7 @@
 
 #include "diagnosis/simulation_compare.hpp"
 #include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -37,6 +40,10 @@ std::optional<Recording> paired(const Recording& recording, const Recording& sim
                                 const Rows& simulation_rows, const JointState& state, int first_stop,
                                 int first_landmark) {
   if (recording.kind == RecordingKind::pairs) return std::nullopt;
+  const bool bearings = recording.readings.has_bearings();
+  if (bearings != simulation.readings.has_bearings())
+    throw InputError(fmt::format("{}: has {}bearings, and {} has {}", recording.path, bearings ? "" : "no ",
+                                 simulation.path, bearings ? "none" : "them"));
   std::map<std::string, int> stop_of, landmark_of;
   for (std::size_t k = 0; k < simulation.stops.size(); ++k)
     stop_of[simulation.stops[k].label] = static_cast<int>(k);
@@ -88,7 +95,7 @@ std::optional<Recording> paired(const Recording& recording, const Recording& sim
     if (!own.time_s.empty()) r.time_s.push_back(own.time_s[i]);
     if (!own.row.empty()) r.row.push_back(own.row[i]);
     r.range_m.push_back(range);
-    r.bearing_rad.push_back(wrap_angle(own.bearing_rad[i] - other.bearing_rad[j] + at.bearing));
+    if (bearings) r.bearing_rad.push_back(wrap_angle(own.bearing_rad[i] - other.bearing_rad[j] + at.bearing));
     for (const auto& [name, values] : own.covariates) r.covariates[name].push_back(values[i]);
   }
   if (r.size() < own.size() / 2) return std::nullopt;

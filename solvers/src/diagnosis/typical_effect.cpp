@@ -18,7 +18,7 @@ constexpr int most_grid_starts = 12;  ///< points of a start grid that are looke
 std::optional<TypicalEffect> typical_effect(const Space& space, const Effect& effect) {
   const EffectInfo& info = effect.info();
   const EffectContext& context = space.rows().context;
-  if (info.kind == EffectKind::label || info.kind == EffectKind::grid || !effect.missing(context).empty())
+  if (info.kind == EffectKind::label || info.kind == EffectKind::grid || !effect.lacking(context).empty())
     return std::nullopt;
   std::vector<Eigen::VectorXd> grid = effect.start_grid(context);
   if (grid.empty()) return std::nullopt;

@@ -216,7 +216,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   working.range = Eigen::Map<const Eigen::VectorXd>(rows.range_m.data(), n);
   working.bearing.setZero(n);
-  if (!rows.pairs)
+  if (rows.reads_bearings())
     for (Eigen::Index i = 0; i < n; ++i)
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - geometry.bearing[rows.cell[i]]);
   if (model.empty()) {
@@ -242,7 +242,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
       working.constant += 2.0 * (std::log(range) - std::log(f));
       range = 2.0 * f - f * f / range;
     }
-    if (!rows.pairs)
+    if (rows.reads_bearings())
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - geometry.bearing[cell]);
   }
   if (has_tails(model))
@@ -269,7 +269,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
                working.constant);
   }
   working.range_deviation = std::move(range.deviations);
-  if (rows.pairs) {
+  if (!rows.reads_bearings()) {
     working.bearing_deviation.setZero(n);
     return working;
   }

@@ -254,7 +254,7 @@ double JointSystem::assemble(const JointState& state, HessianKind kind) {
   });
   for (int part = 1; part < parts; ++part) sums_[0].add(sums_[part]);
   collect(sums_);
-  nll_ = sums_[0].nll;
+  nll_ = sums_[0].nll - silent_bearing_nll(problem_);
   if (layout_.chained) nll_ += assemble_chain_links(state, kind);
   nll_ += assemble_taped(state, kind);
   return std::isnan(nll_) ? infinity : nll_;

@@ -46,15 +46,17 @@ class Rows {
   }
 
   double count() const { return rows_.readings; }
+  bool reads_bearings() const { return rows_.reads_bearings; }
   const JointProblem& rows() const { return rows_; }
 
-  /// Errors in spreads; false where a distance or a spread is not positive.
+  /// Errors in spreads, those of bearings empty where there are none; false where a distance or a spread is not positive.
   bool residuals(const JointState& state, ChannelResiduals& range, ChannelResiduals& bearing) const {
     const Cells& r = rows_.cells;
     const std::size_t count = r.size();
     for (ChannelResiduals* one : {&range, &bearing}) {
-      one->z.resize(count);
-      one->s.resize(count);
+      const std::size_t read = one == &range || rows_.reads_bearings ? count : 0;
+      one->z.resize(read);
+      one->s.resize(read);
       if (rows_.rows_alike) one->weight = r.count;
     }
     double f = 0.0, s = 1.0, direction = 0.0, d = 0.0;
@@ -69,6 +71,7 @@ class Rows {
       }
       range.z[i] = (r.range_mean[i] - f - r.effect_change(i, d)) / s;
       range.s[i] = s;
+      if (!rows_.reads_bearings) continue;
       bearing.z[i] = wrap_angle(r.bearing_mean[i] - direction) / state.sigma_theta_rad;
       bearing.s[i] = state.sigma_theta_rad;
     }
@@ -84,6 +87,7 @@ class Rows {
         range, range_shape, c.range_weight, c.range_mean, c.range_mean_square,
         [&](std::size_t i, std::size_t) { return r.range_mean[i]; },
         rows_.rows_alike ? &r.range_mean_square : nullptr, work_);
+    if (!rows_.reads_bearings) return merged_;
     take(
         bearing, bearing_shape, c.bearing_weight, c.bearing_mean, c.bearing_mean_square,
         [&](std::size_t i,
@@ -229,7 +233,8 @@ void begin_with(const MarginalFit& fit, bool rough, MarginalOptions& options) {
 int free_count(const JointProblem& problem, const JointState& state, const Held& held, bool sigma_s) {
   const JointLayout layout(problem, static_cast<int>(state.alpha.size()),
                            static_cast<int>(state.noise.parameters.size()), sigma_s);
-  return static_cast<int>(free_globals(layout, held).size());
+  const int silent = problem.reads_bearings || held.sigmas ? 0 : 1;
+  return static_cast<int>(free_globals(layout, held).size()) - silent;
 }
 
 /// Where a fit of given families starts.
@@ -272,7 +277,8 @@ class RobustSolver {
     ShapeStart first;
     if (!rows_.residuals(start, range_, bearing_)) return first;
     first.range = fit_residual_shape(range_, first_residual_shape(range_, families.range));
-    first.bearing = fit_residual_shape(bearing_, first_residual_shape(bearing_, families.bearing));
+    if (rows_.reads_bearings())
+      first.bearing = fit_residual_shape(bearing_, first_residual_shape(bearing_, families.bearing));
     return first;
   }
 
@@ -292,9 +298,10 @@ class RobustSolver {
       if (!rows_.residuals(at, range_, bearing_)) return no_fit_nll;
       double sum = joint_nll_parts(rows_.rows(), at).stops;
       for (std::size_t i = 0; i < range_.s.size(); ++i) sum += range_.weight_of(i) * std::log(range_.s[i]);
+      sum += fit_residual_shape(range_, first_residual_shape(range_, families.range)).nll;
+      if (!rows_.reads_bearings()) return sum;
       sum += bearing_.count() * std::log(at.sigma_theta_rad);
-      return sum + fit_residual_shape(range_, first_residual_shape(range_, families.range)).nll +
-             fit_residual_shape(bearing_, first_residual_shape(bearing_, families.bearing)).nll;
+      return sum + fit_residual_shape(bearing_, first_residual_shape(bearing_, families.bearing)).nll;
     };
     return nll(a) < nll(b);
   }
@@ -327,6 +334,7 @@ class RobustSolver {
   }
   ResidualShape renewed(const ChannelResiduals& residuals, const NoiseShapeParameters& shape, double squares,
                         double tolerance) const {
+    if (residuals.z.empty()) return {};
     ResidualShapeOptions options;
     if (is_restricted(decltype(Robust::fit)())) options.fitted = std::max(0.0, rows_.count() - squares);
     options.tolerance = tolerance;
@@ -442,13 +450,16 @@ Robust RobustSolver<Robust, Options, Solve>::automatic(const JointState& start, 
   const bool usable = is_usable(best.fit.outcome);
   const JointState& gaussian_end = usable ? best.fit.state : start;
   if (!rows_.residuals(gaussian_end, range_, bearing_)) return best;
-  if (usable && !may_have_outliers(range_) && !may_have_outliers(bearing_)) return best;
+  if (usable && !may_have_outliers(range_) && (!rows_.reads_bearings() || !may_have_outliers(bearing_)))
+    return best;
   const auto any_of = [](NoiseShape asked_for, std::span<const NoiseShape> all, const NoiseShape& own) {
     return asked_for == NoiseShape::automatic ? all : std::span<const NoiseShape>(&own, 1);
   };
   const auto rank = [&] {
     return std::pair(rank_shapes(range_, any_of(asked.range, range_shapes(), asked.range)),
-                     rank_shapes(bearing_, any_of(asked.bearing, bearing_shapes(), asked.bearing)));
+                     !rows_.reads_bearings()
+                         ? RankedShapes(1)
+                         : rank_shapes(bearing_, any_of(asked.bearing, bearing_shapes(), asked.bearing)));
   };
   // The Gaussian's end may be where outliers drew it: the start is kept where Student's t, which no outlier breaks, likes
   // it better.
@@ -554,7 +565,7 @@ std::optional<RobustShapes> better_shapes(const JointProblem& rows, const JointS
       }
   };
   look(range, range_shapes(), better.range);
-  look(bearing, bearing_shapes(), better.bearing);
+  if (rows.reads_bearings) look(bearing, bearing_shapes(), better.bearing);
   return any ? std::optional(better) : std::nullopt;
 }
 
@@ -605,6 +616,8 @@ ReadingErrors reading_errors(const JointProblem& rows, const JointState& state,
   errors.range_z = std::move(range_residuals.z);
   errors.range_s = std::move(range_residuals.s);
   errors.bearing_z = std::move(bearing_residuals.z);
+  errors.bearing_z.resize(errors.range_z.size(), 0.0);
+  errors.bearing_outlier.resize(errors.range_z.size(), 0.0);
   return errors;
 }
 

@@ -29,7 +29,7 @@ JointProblem with_information(const JointProblem& rows, double location, double 
   Cells& c = problem.cells;
   for (std::size_t i = 0; i < c.size(); ++i) {
     c.range_weight[i] = c.count[i] * location;
-    c.bearing_weight[i] = c.count[i] * bearing;
+    if (rows.reads_bearings) c.bearing_weight[i] = c.count[i] * bearing;
     c.count[i] *= 0.5 * spread;  // the Gaussian's is 2 of each reading
   }
   return problem;

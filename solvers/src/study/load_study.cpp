@@ -147,6 +147,8 @@ class Scenes {
       if (file.name == name) return file;
     const std::string path = (folder_ / name).lexically_normal().string();
     files_.push_back({name, path, load_scene(path), read_file(path)});
+    if (!files_.back().scene.reads_bearings)
+      throw InputError(path + ": sigma_theta_rad: none; a study needs a sensor that reads bearings");
     return files_.back();
   }
   std::vector<std::string> paths() const {

@@ -76,8 +76,10 @@ TEST(RecordingErrors, MalformedNumber) {
 
 TEST(RecordingErrors, MissingAndDoubledColumns) {
   const RecordingFolder folder;
-  EXPECT_EQ(folder.error_with("observations.csv", "stop,landmark,range_m\n0,A,1.0\n"),
-            "observations.csv, row 1, column 'bearing_rad': the column is missing");
+  EXPECT_EQ(folder.error_with("observations.csv", "stop,landmark,bearing_rad\n0,A,1.0\n"),
+            "observations.csv, row 1, column 'range_m': the column is missing");
+  EXPECT_EQ(folder.error_with("observations.csv", "stop,landmark,range_m,bearing_deg\n0,A,1.0,90\n"),
+            "observations.csv, row 1, column 'bearing_deg': is not read; 'bearing_rad' is");
   EXPECT_EQ(folder.error_with("stops.csv", "stop,x_m,heading_rad\n0,0,0\n"),
             "stops.csv, row 1, column 'y_m': the column is missing");
   EXPECT_EQ(folder.error_with("observations.csv", "stop,landmark,range_m,range_m,bearing_rad\n0,A,1,1,0\n"),

@@ -180,6 +180,22 @@ TEST(RecordingIo, LandmarksReadBackAsWritten) {
   }
 }
 
+TEST(RecordingIo, RangesAloneReadBackAsWritten) {
+  const RecordingFolder folder;
+  folder.write("observations.csv", "stop,landmark,range_m\n0,A,1.0\n0,A,\n1,B,2.5\n");
+  const Recording read = load_recording(folder.path());
+  EXPECT_FALSE(read.readings.has_bearings());
+  EXPECT_EQ(read.readings.range_m, (std::vector<double>{1.0, 2.5}));
+  EXPECT_EQ(read.counts.dropped.at("missing"), 1);
+  ASSERT_EQ(read.notes.size(), 1u);
+  EXPECT_EQ(read.notes[0], "no column bearing_rad in observations.csv: ranges alone");
+  const TemporaryFolder written;
+  save_recording(read, written.path());
+  const Recording again = load_recording(written.path());
+  EXPECT_FALSE(again.readings.has_bearings());
+  EXPECT_EQ(again.readings.range_m, read.readings.range_m);
+}
+
 TEST(RecordingIo, TextsInMemoryAreARecording) {
   const std::map<std::string, std::string> files{
       {"recording.yaml", R"({"format": "rangecal/1", "stops": {"sigma_xy_m": 0.02}})"},

@@ -201,6 +201,21 @@ TEST(PolynomialWorld, PairsHaveTheSceneMoments) {
   expect_chi_square(squares, 12000.0);
 }
 
+TEST(PolynomialWorld, ASensorThatReadsNoBearingsReadsTheSameRanges) {
+  const Scene scene = load_scene(kData + "scenes/field-layout.yaml");
+  std::string text = read_file(kData + "scenes/field-layout.yaml");
+  const std::size_t at = text.find("sigma_theta_rad: ") + 17;
+  text.replace(at, text.find_first_of(",}\n #", at) - at, "none");
+  const TemporaryFolder folder;
+  folder.write("radio.yaml", text);
+  const Scene radio = load_scene(folder.file("radio.yaml"));
+  EXPECT_FALSE(radio.reads_bearings);
+  const Recording ranges = simulate(radio, 7), both = simulate(scene, 7);
+  EXPECT_TRUE(both.readings.has_bearings());
+  EXPECT_FALSE(ranges.readings.has_bearings());
+  EXPECT_EQ(ranges.readings.range_m, both.readings.range_m);
+}
+
 TEST(PolynomialWorld, VisibilityAndTheSensorsLimitsAreCounted) {
   Scene scene = load_scene(kData + "scenes/field-layout.yaml");
   scene.visible_max_m = 2.0;

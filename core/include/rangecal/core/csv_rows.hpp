@@ -29,6 +29,8 @@ class CsvRows {
   const std::vector<std::string>& columns() const;
   std::optional<std::size_t> find(std::string_view column) const;
   std::size_t require(std::string_view column) const;  ///< throws if there is no such column
+  /// A column that may be left out; throws where another one has its name but for capitals or the unit.
+  std::optional<std::size_t> optional(std::string_view column) const;
 
   bool next();       ///< goes to the next row; false at the end
   int line() const;  ///< of the row in the file

@@ -77,11 +77,13 @@ struct Readings {
   std::vector<int> stop, landmark;  ///< indices into Recording::stops, ::landmarks
   std::vector<int> repeat;          ///< as in the file, or counted within (stop, landmark) in file order
   std::vector<double> time_s;       ///< empty if the file has no such column
-  std::vector<double> range_m, bearing_rad;
-  std::vector<int> row;  ///< line in observations.csv (header = 1)
+  std::vector<double> range_m;
+  std::vector<double> bearing_rad;  ///< empty if the file has no such column: ranges alone (radio, sonar)
+  std::vector<int> row;             ///< line in observations.csv (header = 1)
   Covariates covariates;
 
   std::size_t size() const { return range_m.size(); }
+  bool has_bearings() const { return bearing_rad.size() == range_m.size(); }
 };
 
 /// Readings of kind `pairs`, structure of arrays, in the order of the file.

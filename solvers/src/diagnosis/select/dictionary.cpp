@@ -93,7 +93,7 @@ Dictionary::Dictionary(const Rows& rows, const Fit& fit, const std::vector<Curve
       wanted.push_back({active.effect, active.parameters, true, place_of(active.effect, curves),
                         static_cast<double>(active.effect->start_grid(rows.context).size())});
   for (const Effect* effect : effects_of(rows.context)) {
-    if (effect->info().kind != EffectKind::mean || !effect->missing(rows.context).empty()) continue;
+    if (effect->info().kind != EffectKind::mean || !effect->lacking(rows.context).empty()) continue;
     const std::vector<Eigen::VectorXd> grid = effect->start_grid(rows.context);
     for (const Eigen::VectorXd& start : grid)
       wanted.push_back({effect, start, false, nullptr, static_cast<double>(grid.size())});

@@ -159,7 +159,7 @@ MemberCounts count_members(const Rows& rows, double places) {
   counts.places = std::max(1.0, places);
   const std::vector<const Effect*> effects = effects_of(rows.context);
   counts.names = static_cast<double>(std::count_if(effects.begin(), effects.end(), [&](const Effect* effect) {
-    return !is_bookkeeping(effect->info().kind) && effect->missing(rows.context).empty();
+    return !is_bookkeeping(effect->info().kind) && effect->lacking(rows.context).empty();
   }));
   counts.names = std::max(1.0, counts.names);
   return counts;

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "diagnosis/generic.hpp"
+
 namespace rangecal::diagnosis {
 
 TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {

@@ -372,7 +372,7 @@ class SetSearch {
   /// in one channel it is exact, of a change of one of two channels too little.
   double gain_with_its_own_noise(double gain) const {
     constexpr double most = 0.99;  // of the squares: beyond it nothing is linear
-    const double readings = static_cast<double>(rows_.size() * (rows_.pairs ? 1 : 2));
+    const double readings = static_cast<double>(rows_.size() * (rows_.reads_bearings() ? 2 : 1));
     const double share = 2.0 * gain / readings;
     return share > 0.0 ? -0.5 * readings * std::log1p(-std::min(share, most)) : gain;
   }

@@ -91,6 +91,7 @@ struct ColumnSummary {
 /// What all readings of a job have in common.
 struct EffectContext {
   RecordingKind kind = RecordingKind::landmarks;
+  bool reads_bearings = true;            ///< false of landmarks by ranges alone
   Carrier carrier = Carrier::not_known;  ///< of the sensor, where its principle is stated and known
   int stop_count = 0, landmark_count = 0;
   std::vector<std::string> landmark_labels;
@@ -183,7 +184,9 @@ class Effect {
   virtual bool lies_along(ColumnRole) const { return false; }
   /// The effect along the column of that name; null where it lies along none.
   virtual std::unique_ptr<Effect> along(const std::string& /*column*/) const { return nullptr; }
-  /// What the recording lacks for this effect to be modelled (a column, repeats, times); empty if nothing.
+  /// What the recording lacks for this effect to be modelled (bearings, a column, repeats, times); empty if nothing.
+  std::string lacking(const EffectContext& context) const;
+  /// The same beside the channel that it acts on.
   virtual std::string missing(const EffectContext&) const { return {}; }
   /// Starts for the parameters that are not linear, one vector of all parameters each; linear ones at 0.
   virtual std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const {

@@ -23,9 +23,9 @@ struct Cells {
   std::vector<double> range_mean;         ///< weighted mean of y [m]
   std::vector<double> range_mean_square;  ///< S^2: weighted mean square deviation about range_mean [m^2]
   std::vector<double> bearing_mean;       ///< mean bearing, unwrapped about the cell's first reading [rad]
-  std::vector<double> bearing_mean_square;
-  std::vector<double> radius_m;  ///< of the cell's landmark
-  std::vector<int> stop_begin;   ///< K + 1 entries: cells of stop k are stop_begin[k] .. stop_begin[k+1]-1
+  std::vector<double> bearing_mean_square;  ///< [rad^2]
+  std::vector<double> radius_m;             ///< of the cell's landmark
+  std::vector<int> stop_begin;  ///< K + 1 entries: cells of stop k are stop_begin[k] .. stop_begin[k+1]-1
   /// Effects that change with distance leave b (d - d_0) on top of f(d): b [-] and d_0 [m]; both empty for none.
   std::vector<double> effect_slope, effect_slope_at_m;
 
@@ -47,6 +47,9 @@ struct JointProblem {
   bool estimate_sigma_s = false;     ///< sigma_xy of the stops without one of their own is a parameter
   std::vector<char> sigma_s_shared;  ///< per stop: it takes part in that parameter
   double readings = 0.0;             ///< N, the sum of the counts
+  /// False of ranges alone (`silent_bearing`): no geometry is seen by bearings, sigma_theta stays at 1 rad, and every NLL holds
+  /// `silent_bearing_nll` more than that of the ranges.
+  bool reads_bearings = true;
   /// Rows: a cell of several readings holds such as are alike within a fraction of their spread, and stands for them.
   bool rows_alike = false;
 
@@ -54,10 +57,19 @@ struct JointProblem {
   int landmark_count() const { return static_cast<int>(landmark_radius_m.size()); }
 };
 
+/// What the bearing of a cell of ranges alone is, `count` of them: a weight w below any geometry's and a mean square S^2 with
+/// w S^2 = count, so that count ln sigma_theta + w (residual^2 + S^2) / (2 sigma_theta^2) is least at sigma_theta = 1 rad, whatever the
+/// residual. Powers of two: the product is exact.
+struct SilentBearing {
+  double weight, mean_square;
+  explicit SilentBearing(double count) : weight(count * 0x1p-600), mean_square(0x1p600) {}
+};
+
 /// How a recording is turned into cells.
 enum class Grouping { cells, rows };
 
-/// Lays the recordings end to end and groups their readings. Throws InputError for a recording of kind pairs, for a place
+/// Lays the recordings end to end and groups their readings. Throws InputError for a recording of kind pairs, for recordings with
+/// bearings beside others without, for a place
 /// that is revisited under a random walk, for a covariance that no error can have or that ties the heading of a stop that was
 /// turned where it stood to a step, and for a place of more stops (about 32 000 with headings of their own) than an
 /// int can index the block of. Cost: linear in the readings.
@@ -86,6 +98,9 @@ double mean_range(const JointProblem& problem);
 /// A sigma_s [m] below any resolution of the data, where the stops stand as commanded: 0 itself has no density. A micrometre
 /// at readings of 2.5 m.
 double no_sigma_s(const JointProblem& problem);
+
+/// -ln of what the silent bearings of ranges alone add to a likelihood, at sigma_theta = 1 rad; 0 with bearings [nats].
+double silent_bearing_nll(const JointProblem& problem);
 
 /// sigma_xy of stop k under `state` [m].
 double sigma_xy_of(const JointProblem& problem, const JointState& state, int k);

@@ -59,6 +59,7 @@ struct Scene {
   std::optional<SceneOptics> optics;
   Noise noise;                   ///< s(d) [m]
   double sigma_theta_rad = 0.0;  ///< of a bearing
+  bool reads_bearings = true;    ///< false of a radio, that reads ranges alone
 
   double sigma_xy_m = 0.01, sigma_heading_rad = 0.0;
   StopErrorModel stop_error = StopErrorModel::independent;
