@@ -211,7 +211,7 @@ JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
 }
 
 double silent_bearing_nll(const JointProblem& problem) {
-  return problem.reads_bearings ? 0.0 : problem.readings * (half_log_two_pi + 0.5);
+  return problem.reads_bearings ? 0.0 : SilentBearing::nll(problem.readings);
 }
 
 double mean_range(const JointProblem& problem) {

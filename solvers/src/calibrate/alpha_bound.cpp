@@ -49,7 +49,7 @@ std::optional<JointState> state_of(const Calibration& c, const JointProblem& pro
   JointState state;
   state.alpha = c.alpha;
   state.noise = c.noise;
-  state.sigma_theta_rad = problem.reads_bearings ? c.sigma_theta_rad->value : 1.0;
+  state.sigma_theta_rad = problem.reads_bearings ? c.sigma_theta_rad->value : SilentBearing::sigma_theta_rad;
   if (problem.estimate_sigma_s) {
     if (!c.sigma_s_m) return std::nullopt;
     state.sigma_s_m = std::max(c.sigma_s_m->value, no_sigma_s(problem));

@@ -163,7 +163,7 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
   state.alpha = calibration.alpha;
   state.noise = calibration.noise;
   if (!job.problem.reads_bearings)
-    state.sigma_theta_rad = 1.0;
+    state.sigma_theta_rad = SilentBearing::sigma_theta_rad;
   else if (calibration.sigma_theta_rad)
     state.sigma_theta_rad = calibration.sigma_theta_rad->value;
   else if (sigma_theta_rad)

@@ -68,10 +68,10 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
     } catch (const InputError&) {  // this seed does not exist for this problem; others may
     }
   };
-  add([&] { return closed_form_state(agreeing, closed); });
   if (!agreeing.reads_bearings) {
-    add([&] { return range_seed(agreeing, order, law); });
+    add([&] { return range_seed(agreeing, closed); });
   } else {
+    add([&] { return closed_form_state(agreeing, closed); });
     if (is_walk(agreeing)) add([&] { return walk_seed(agreeing, order, law); });
     add([&] { return position_seed(agreeing, order, law); });
   }

@@ -1,43 +1,29 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "calibrate/range_seed.hpp"
 
-#include <Eigen/Dense>
 #include <cmath>
 #include <optional>
 #include <vector>
 
+#include "closed_form/stops_line.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/closed_form/landmarks_from_ranges.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
 
 namespace rangecal {
 namespace {
 
-using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
 /// The line through the commanded stops that see a landmark.
-struct PathLine {
-  Vector2d centre = Vector2d::Zero(), across = Vector2d::Zero();
-  Vector2d mirrored(const Vector2d& m) const { return m - 2.0 * across.dot(m - centre) * across; }
-};
-
-PathLine line_of(const JointProblem& problem, int landmark) {
+StopsLine line_of(const JointProblem& problem, int landmark) {
   const Cells& c = problem.cells;
-  std::vector<Vector2d> seen_from;
-  PathLine line;
+  std::vector<Vector2d> stops;
   for (std::size_t i = 0; i < c.size(); ++i) {
-    if (c.landmark[i] != landmark) continue;
     const Pose2& commanded = problem.stops[static_cast<std::size_t>(c.stop[i])].commanded;
-    seen_from.emplace_back(commanded.x_m, commanded.y_m);
-    line.centre += seen_from.back();
+    if (c.landmark[i] == landmark) stops.emplace_back(commanded.x_m, commanded.y_m);
   }
-  line.centre /= static_cast<double>(seen_from.size());
-  Matrix2d spread = Matrix2d::Zero();
-  for (const Vector2d& stop : seen_from) spread += (stop - line.centre) * (stop - line.centre).transpose();
-  line.across = Eigen::SelfAdjointEigenSolver<Matrix2d>(spread).eigenvectors().col(0);
-  return line;
+  return StopsLine(stops);
 }
 
 /// The joint maximum from a start whose curve and noise are fitted anew; none where there is none.
@@ -55,17 +41,16 @@ std::optional<JointFit> solved_from(const JointProblem& problem, JointState star
 
 }  // namespace
 
-JointState range_seed(const JointProblem& problem, int order, NoiseLaw law) {
+JointState range_seed(const JointProblem& problem, const ClosedFormOptions& options) {
   constexpr double gains = 1e-3;  // nats
   constexpr int most_passes = 4;
-  ClosedFormOptions options;
-  options.order = order;
-  options.noise_law = law;
-  JointState seed = closed_form_state(problem, options);
-  const LandmarksFromRanges found = landmarks_from_ranges(problem);
+  std::vector<Vector2d> landmarks;
   std::vector<int> either_side;
-  for (int l = 0; l < problem.landmark_count(); ++l)
-    if (found.landmarks[static_cast<std::size_t>(l)].mirror_m) either_side.push_back(l);
+  for (const LandmarkFromRanges& found : landmarks_from_ranges(problem).landmarks) {
+    if (found.mirror_m) either_side.push_back(static_cast<int>(landmarks.size()));
+    landmarks.push_back(found.position_m);
+  }
+  JointState seed = state_at_landmarks(problem, landmarks, options);
   if (either_side.empty()) return seed;
   JointProblem stated = problem;  // sigma_s as stated: where it is free the joint likelihood has no maximum
   stated.estimate_sigma_s = false;
@@ -78,7 +63,7 @@ JointState range_seed(const JointProblem& problem, int order, NoiseLaw law) {
       JointState other = best->state;
       Vector2d& landmark = other.landmarks[static_cast<std::size_t>(l)];
       landmark = line_of(problem, l).mirrored(landmark);
-      for (std::size_t k = 0; k < other.stops.size(); ++k) other.stops[k] = problem.stops[k].commanded;
+      other.stops = seed.stops;  // as commanded
       std::optional<JointFit> fit = solved_from(stated, std::move(other));
       if (!fit || !(fit->joint_nll < best->joint_nll - gains)) continue;
       best = std::move(fit);
@@ -87,7 +72,7 @@ JointState range_seed(const JointProblem& problem, int order, NoiseLaw law) {
   }
   seed.landmarks = best->state.landmarks;
   seed.stops = best->state.stops;
-  seed_curve_and_noise(problem, order, seed);
+  seed_curve_and_noise(problem, static_cast<int>(seed.alpha.size()) - 1, seed);
   return seed;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "rangecal/problems/landmarks/joint_problem.hpp"
+#include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 
 namespace rangecal {
 
@@ -9,8 +10,7 @@ namespace rangecal {
 /// are likelier. Stops on a line tell no side, but stops that scatter about it do: an error of a stop across the line lengthens the ranges to
 /// one side and shortens those to the other, so which landmarks stand on the same side is seen, unless stops are exact. Landmarks
 /// are moved to their mirror image in the line through the stops that see them, one after the other, and stay there where the joint
-/// maximum is higher, until none gains. `order`, `law`: of the start. Cost: a joint solve per landmark and pass, two passes mostly.
-/// Throws InputError as closed_form_state.
-JointState range_seed(const JointProblem& problem, int order, NoiseLaw law);
+/// maximum is higher, until none gains. Cost: a joint solve per landmark and pass, two passes mostly.
+JointState range_seed(const JointProblem& problem, const ClosedFormOptions& options);
 
 }  // namespace rangecal

@@ -15,8 +15,8 @@ struct CellWeights {
   double curve = 0.0;   ///< w, of y - f(d) in alpha's
   double across = 0.0;  ///< p, of the landmark's distance from the line of sight [1/m^2]
   double along = 0.0;  ///< q, of its distance along it from f^-1(y) [1/m^2]; 0 where ranges place no landmark
-  bool raw =
-      false;  ///< the landmark is placed by y itself, taken for the distance: f' is 1 in its equation, and N_l 0
+  /// The landmark is placed by y itself, taken for the distance: f' is 1 in its equation, and N_l 0.
+  bool raw = false;
 };
 
 /// cov(alpha) of a closed form to first order: how its estimating equations, whatever their weights, answer to

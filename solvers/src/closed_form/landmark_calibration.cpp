@@ -18,7 +18,7 @@ struct PlacedLandmarks {
   LandmarkMap map;
   Outcome outcome = Outcome::failed;
   std::string reason;
-  double sigma_theta_rad = 1.0;
+  double sigma_theta_rad = 0.0;
   std::vector<double> line_weights;  ///< of the cells' lines of sight; empty where ranges place the landmarks
 
   double across_of(const RangeSample& s) const {
@@ -30,7 +30,7 @@ struct PlacedLandmarks {
 PlacedLandmarks placed_landmarks(const JointProblem& problem, const ClosedFormOptions& options) {
   if (!problem.reads_bearings) {
     LandmarksFromRanges found = landmarks_from_ranges(problem);
-    return {map_from(found), found.outcome, found.reason, 1.0, {}};
+    return {map_from(found), found.outcome, found.reason, SilentBearing::sigma_theta_rad, {}};
   }
   LandmarksFromBearings found = landmarks_from_bearings(problem, options.bearings);
   return {map_from(problem, found), found.outcome, found.reason, found.sigma_theta_rad,
@@ -91,7 +91,7 @@ JointState state_at_landmarks(const JointProblem& problem, const std::vector<Eig
     if (model.noise.parameters.cwiseAbs().maxCoeff() > 0.0) state.noise = model.noise;
   }
   if (!problem.reads_bearings) {
-    state.sigma_theta_rad = 1.0;
+    state.sigma_theta_rad = SilentBearing::sigma_theta_rad;
   } else if (options.bearings.sigma_theta_rad) {
     state.sigma_theta_rad = *options.bearings.sigma_theta_rad;
   } else if (const auto estimate = sigma_theta_at(problem, map, stops)) {

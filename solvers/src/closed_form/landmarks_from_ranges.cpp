@@ -9,6 +9,9 @@
 #include <limits>
 #include <set>
 
+#include "closed_form/stops_line.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
+
 namespace rangecal {
 namespace {
 
@@ -35,14 +38,6 @@ std::vector<double> residuals_at(const std::vector<Range>& ranges, const Vector2
   return r;
 }
 
-/// Median absolute residual / 0.6745, of a normal error its standard deviation.
-double robust_scale(std::vector<double> r) {
-  for (double& value : r) value = std::abs(value);
-  const auto middle = r.begin() + static_cast<std::ptrdiff_t>(r.size() / 2);
-  std::nth_element(r.begin(), middle, r.end());
-  return *middle / 0.6745;
-}
-
 /// sum R (2.5 s)^2 ln(1 + (r / 2.5 s)^2) / 2, of which the weights are the derivatives by r over r.
 double cost_of(const std::vector<Range>& ranges, const std::vector<double>& r, double scale) {
   const double at = 2.5 * scale;
@@ -61,7 +56,7 @@ Fit refined(const std::vector<Range>& ranges, Vector2d m) {
   std::vector<double> r = residuals_at(ranges, m);
   const double floor = 1e-12 * std::max(ranges.front().rho, 1e-6);
   for (int iteration = 0; iteration < most; ++iteration) {
-    fit.scale = std::max(robust_scale(r), floor);
+    fit.scale = std::max(robust_spread(r), floor);
     Matrix2d A = Matrix2d::Zero();
     Vector2d b = Vector2d::Zero();
     for (std::size_t i = 0; i < ranges.size(); ++i) {
@@ -89,7 +84,7 @@ Fit refined(const std::vector<Range>& ranges, Vector2d m) {
     }
   }
   fit.m = m;
-  fit.scale = std::max(robust_scale(r), floor);
+  fit.scale = std::max(robust_spread(r), floor);
   return fit;
 }
 
@@ -112,11 +107,12 @@ Matrix2d covariance_at(const std::vector<Range>& ranges, const Vector2d& m, doub
 
 /// Both solutions of the linear problem; one where the stops determine the part of m across their main direction.
 std::vector<Vector2d> linear_solutions(const std::vector<Range>& ranges) {
-  Vector2d centre = Vector2d::Zero();
-  for (const Range& range : ranges) centre += range.stop / static_cast<double>(ranges.size());
+  std::vector<Vector2d> stops;
+  for (const Range& range : ranges) stops.push_back(range.stop);
+  const StopsLine line(stops);
+  const Vector2d &centre = line.centre, &along = line.along, &across = line.across;
   Eigen::MatrixXd H(ranges.size(), 3);
   Eigen::VectorXd target(ranges.size());
-  Matrix2d spread = Matrix2d::Zero();
   for (std::size_t k = 0; k < ranges.size(); ++k) {
     const Range& range = ranges[k];
     const Vector2d q = range.stop - centre;
@@ -124,12 +120,9 @@ std::vector<Vector2d> linear_solutions(const std::vector<Range>& ranges) {
     const double root = std::sqrt(range.R) / std::max(range.rho, 1e-9);
     H.row(row) << -2.0 * root * q.transpose(), root;
     target[row] = root * (range.rho * range.rho - q.squaredNorm());
-    spread += q * q.transpose();
   }
-  const Eigen::SelfAdjointEigenSolver<Matrix2d> axes(spread);
-  const Vector2d across = axes.eigenvectors().col(0), along = axes.eigenvectors().col(1);
   std::vector<Vector2d> solutions;
-  if (axes.eigenvalues()[0] > 1e-12 * axes.eigenvalues()[1]) {
+  if (line.across_square > 1e-12 * line.along_square) {
     const Eigen::Vector3d x = H.colPivHouseholderQr().solve(target);
     if (x.allFinite()) solutions.push_back(centre + x.head<2>());
   }
@@ -145,7 +138,6 @@ std::vector<Vector2d> linear_solutions(const std::vector<Range>& ranges) {
 
 LandmarkFromRanges solve(const std::vector<Range>& ranges) {
   LandmarkFromRanges result;
-  result.cells = static_cast<int>(ranges.size());
   std::set<int> places;
   for (const Range& range : ranges) places.insert(range.place);
   if (places.size() < 3) {

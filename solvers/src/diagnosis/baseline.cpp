@@ -29,7 +29,12 @@ int distinct_distances(const Rows& rows, const JointState& state) {
 /// Landmarks placed from where the stops were meant to be; along a random walk from where its readings put
 /// them, if that is more likely.
 JointState start_from_readings(const JointProblem& problem, int order, NoiseLaw law) {
-  if (!problem.reads_bearings) return range_seed(problem, order, law);
+  if (!problem.reads_bearings) {
+    ClosedFormOptions options;
+    options.order = order;
+    options.noise_law = law;
+    return range_seed(problem, options);
+  }
   JointState state = position_seed(problem, order, law);
   if (!is_walk(problem)) return state;
   try {
@@ -47,7 +52,7 @@ JointState start_of(const Rows& rows, int order, NoiseLaw law) {
   state.landmarks = {Eigen::Vector2d::Zero()};
   for (const StopPrior& prior : rows.problem.stops) state.stops.push_back(prior.commanded);
   seed_curve_and_noise(rows.problem, std::min(order, rows.cell_count - 1), state);
-  state.sigma_theta_rad = 1.0;
+  state.sigma_theta_rad = SilentBearing::sigma_theta_rad;
   return state;
 }
 

@@ -66,11 +66,11 @@ Calibrated calibrated(std::span<const Recording> recordings, const Calibration& 
   if (result.rows.pairs) {
     state.landmarks = {Eigen::Vector2d::Zero()};
     for (const StopPrior& prior : result.rows.problem.stops) state.stops.push_back(prior.commanded);
-    state.sigma_theta_rad = 1.0;
+    state.sigma_theta_rad = SilentBearing::sigma_theta_rad;
     return result;
   }
   if (!result.rows.reads_bearings())
-    state.sigma_theta_rad = 1.0;
+    state.sigma_theta_rad = SilentBearing::sigma_theta_rad;
   else if (calibration.sigma_theta_rad)
     state.sigma_theta_rad = calibration.sigma_theta_rad->value;
   if (calibration.sigma_s_m) state.sigma_s_m = calibration.sigma_s_m->value;

@@ -111,7 +111,7 @@ std::optional<MarginalFit> solve_at_known_distances(const JointProblem& problem,
   fit.iterations = found.iterations;
   fit.outcome = Outcome::converged;
   // The bearings, all alike, at sigma_theta = 1 rad.
-  fit.joint_nll = fit.marginal_nll = found.at.nll + problem.readings * (half_log_two_pi + 0.5);
+  fit.joint_nll = fit.marginal_nll = found.at.nll + SilentBearing::nll(problem.readings);
   const JointProblem one = of_one_stop(problem);
   const JointLayout layout(one, order + 1, 1, false);
   Held held;
@@ -283,7 +283,7 @@ MarginalFit solve_with_serial_errors(const JointProblem& problem, const SerialEr
   fit.state.noise.parameters[0] = std::exp(tau);
   fit.state.sigma_theta_rad = 1.0;
   for (std::size_t k = 0; k < problem.stops.size(); ++k) fit.state.stops[k] = problem.stops[k].commanded;
-  fit.joint_nll = fit.marginal_nll = pairs.nll(here, tau) + problem.readings * (half_log_two_pi + 0.5);
+  fit.joint_nll = fit.marginal_nll = pairs.nll(here, tau) + SilentBearing::nll(problem.readings);
   const JointProblem one = of_one_stop(problem);
   const auto alphas = static_cast<int>(start.alpha.size());
   const JointLayout layout(one, alphas, 1, false);

@@ -113,13 +113,6 @@ std::vector<double> spacings(const std::vector<Eigen::Vector2d>& centre) {
   return nearest;
 }
 
-/// Standard deviation of normal values with that median size.
-double robust_spread(const std::vector<double>& values) {
-  std::vector<double> sizes;
-  for (const double value : values) sizes.push_back(std::abs(value));
-  return upper_median(std::move(sizes)) / median_of_normal_size;
-}
-
 /// By reading: how far it is turned from where its landmark is, and the same across [m].
 struct Turns {
   std::vector<double> angle_rad, across_m;

@@ -127,7 +127,7 @@ void append_cell_of_pairs(double true_m, double sigma_m, int begin, int recordin
   c.range_mean.push_back(mean);
   c.range_mean_square.push_back((readings - mean).square().mean());
   c.bearing_mean.push_back(0.0);
-  // With sigma_theta = 1 rad its slope is zero: the channel is silent.
+  // Its residual is zero: at SilentBearing::sigma_theta_rad the slope by log sigma_theta is too.
   c.bearing_mean_square.push_back(1.0);
   c.radius_m.push_back(0.0);
   problem.readings += static_cast<double>(count);
@@ -369,7 +369,7 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
     rows.problem.landmark_recording = {0};
     rows.problem.cells.stop_begin.resize(rows.problem.stops.size() + 1);
     std::iota(rows.problem.cells.stop_begin.begin(), rows.problem.cells.stop_begin.end(), 0);
-    rows.nll_offset = -rows.problem.readings * (half_log_two_pi + 0.5);
+    rows.nll_offset = -SilentBearing::nll(rows.problem.readings);
   }
   fill_context(recordings, rows);
   summarise_columns(recordings, rows);

@@ -108,7 +108,7 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
     p.*member = taken(rows.problem.cells.*member, cells);
   index_stops(part.problem);
   part.problem.readings = std::accumulate(p.count.begin(), p.count.end(), 0.0);
-  if (rows.pairs) part.nll_offset = -part.problem.readings * (half_log_two_pi + 0.5);
+  if (rows.pairs) part.nll_offset = -SilentBearing::nll(part.problem.readings);
   return part;
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rangecal/core/noise.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/recording.hpp"
 #include "rangecal/problems/landmarks/stop_prior.hpp"
 
@@ -47,8 +48,8 @@ struct JointProblem {
   bool estimate_sigma_s = false;     ///< sigma_xy of the stops without one of their own is a parameter
   std::vector<char> sigma_s_shared;  ///< per stop: it takes part in that parameter
   double readings = 0.0;             ///< N, the sum of the counts
-  /// False of ranges alone (`silent_bearing`): no geometry is seen by bearings, sigma_theta stays at 1 rad, and every NLL holds
-  /// `silent_bearing_nll` more than that of the ranges.
+  /// False of ranges alone: the cells' bearings are silent (SilentBearing), and likelihoods are those of ranges, stops and taped
+  /// distances.
   bool reads_bearings = true;
   /// Rows: a cell of several readings holds such as are alike within a fraction of their spread, and stands for them.
   bool rows_alike = false;
@@ -61,6 +62,10 @@ struct JointProblem {
 /// w S^2 = count, so that count ln sigma_theta + w (residual^2 + S^2) / (2 sigma_theta^2) is least at sigma_theta = 1 rad, whatever the
 /// residual. Powers of two: the product is exact.
 struct SilentBearing {
+  static constexpr double sigma_theta_rad = 1.0;
+  /// What `readings` of them add to an NLL there [nats].
+  static double nll(double readings) { return readings * (half_log_two_pi + 0.5); }
+
   double weight, mean_square;
   explicit SilentBearing(double count) : weight(count * 0x1p-600), mean_square(0x1p600) {}
 };
@@ -68,11 +73,10 @@ struct SilentBearing {
 /// How a recording is turned into cells.
 enum class Grouping { cells, rows };
 
-/// Lays the recordings end to end and groups their readings. Throws InputError for a recording of kind pairs, for recordings with
-/// bearings beside others without, for a place
-/// that is revisited under a random walk, for a covariance that no error can have or that ties the heading of a stop that was
-/// turned where it stood to a step, and for a place of more stops (about 32 000 with headings of their own) than an
-/// int can index the block of. Cost: linear in the readings.
+/// Lays the recordings end to end and groups their readings. Throws InputError for a recording of kind pairs, for recordings
+/// with bearings beside others without, for a place that is revisited under a random walk, for a covariance that no error
+/// can have or that ties the heading of a stop that was turned where it stood to a step, and for a place of more stops
+/// (about 32 000 with headings of their own) than an int can index the block of. Cost: linear in the readings.
 JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping grouping = Grouping::cells);
 
 /// The rows (a problem of Grouping::rows) summed up by cell again, those alone that are `kept` (one flag per row; empty:
@@ -99,7 +103,7 @@ double mean_range(const JointProblem& problem);
 /// at readings of 2.5 m.
 double no_sigma_s(const JointProblem& problem);
 
-/// -ln of what the silent bearings of ranges alone add to a likelihood, at sigma_theta = 1 rad; 0 with bearings [nats].
+/// What silent bearings add to the NLL of the problem's cells; 0 of a problem with bearings [nats].
 double silent_bearing_nll(const JointProblem& problem);
 
 /// sigma_xy of stop k under `state` [m].

@@ -30,7 +30,9 @@ struct Consensus {
 ///   3. Ranges: y - f(d) at these landmarks, f of order 2 by the same biweight, of variance v_i + tau^2 d^(2p),
 ///      p = 0, 1 or 2 by likelihood.
 ///
-/// Of ranges alone the landmarks are those of landmarks_from_ranges, and step 3 follows at once. A landmark of which less than 60 % would be kept has no consensus: all of it is kept. `rows`: Grouping::rows.
+/// Of ranges alone the landmarks are those of landmarks_from_ranges, and step 3 follows at once.
+///
+/// A landmark of which less than 60 % would be kept has no consensus: all of it is kept. `rows`: Grouping::rows.
 /// Source: Hampel, Ronchetti, Rousseeuw, Stahel, Robust Statistics, 1986 (biweight, median start).
 /// Cost: linear in the rows, some 30 passes.
 Consensus find_consensus(const JointProblem& rows);

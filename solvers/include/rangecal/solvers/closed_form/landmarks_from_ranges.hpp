@@ -14,7 +14,6 @@ namespace rangecal {
 struct LandmarkFromRanges {
   Outcome outcome = Outcome::failed;  ///< converged; unobservable; too_few_data
   std::string reason;
-  int cells = 0;                                         ///< ranges, one per cell
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();  ///< only where converged
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  ///< [m^2], by the residuals (sandwich)
   /// The other place that fits as well (within chi-square 9), in the mirror of a path along a line.
