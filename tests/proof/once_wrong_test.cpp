@@ -103,6 +103,14 @@ INSTANTIATE_TEST_SUITE_P(
               "nothing: 99 nats beyond any curve, but a curve found a trace, p 0.0008"},
         World{202611251640, "many-3", 19, "turning", "encoder_eccentricity+range_eccentricity+lever_arm",
               Answer::right_name, "the second alone: each of the others hides the other"},
+        World{20261128, "many-3", 18, "line", "path_curvature+heading_drift+range_eccentricity",
+              Answer::right_set, "a curve along time, in whose place no single name is as good"},
+        World{20261128, "large", 8, "line", "wheel_slip", Answer::right_name,
+              "errors of the stops: the slip was fitted worse than no slip"},
+        World{20261128, "large", 14, "line", "path_curvature", Answer::right_name,
+              "errors of the stops: the linearised problem saw a hundredth of it"},
+        World{20261128, "beside-unknown", 5, "turning", "heading_drift+range_eccentricity+cable_guard",
+              Answer::right_name, "a path whose formula is off, by what no reading held"},
         World{77002, "pair", 38, "line", "warmup_drift+pixel_locking", std::nullopt,
               "nothing: 89 nats beyond any curve, but cells hung together, p 0.001"}));
 

@@ -154,6 +154,14 @@ double prior_width(const EffectParameter& parameter, double low, double high, do
   return std::max({std::abs(parameter.typical), std::abs(value), 1e-12});
 }
 
+double prior_width(const Rows& rows, const Model& model, const FreeParameter& p) {
+  const auto [low, high] = bounds_of(rows, model, p);
+  const ActiveEffect& active = model[static_cast<std::size_t>(p.effect)];
+  // Of a curve's parameters, whose own prior is that of the curve's size: as wide as they may be.
+  return is_generic(*active.effect) ? high - low
+                                    : prior_width(info_of(model, p), low, high, active.parameters[p.index]);
+}
+
 MemberCounts count_members(const Rows& rows, double places) {
   MemberCounts counts;
   counts.places = std::max(1.0, places);
@@ -219,12 +227,7 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
   Eigen::MatrixXd C(k, k);
   Eigen::VectorXd wide(k);  // standard deviations of the priors: no parameter is less certain than that
   for (Eigen::Index i = 0; i < k; ++i) {
-    const FreeParameter& p = fit.free[static_cast<std::size_t>(joint[i])];
-    const EffectParameter& info = info_of(fit.model, p);
-    const auto [low, high] = bounds_of(rows, fit.model, p);
-    const double value = fit.model[p.effect].parameters[p.index];
-    // The prior of a curve's parameters comes below.
-    wide[i] = is_generic(*fit.model[p.effect].effect) ? high - low : prior_width(info, low, high, value);
+    wide[i] = prior_width(rows, fit.model, fit.free[static_cast<std::size_t>(joint[i])]);
     for (Eigen::Index j = 0; j < k; ++j) C(i, j) = fit.covariance(joint[i], joint[j]);
   }
   // (C^-1 + wide^-2)^-1 = C - C (C + wide^2)^-1 C

@@ -30,6 +30,8 @@ double log_prior_density(const EffectParameter& parameter, double low, double hi
                          const SelectionPriors& priors);
 /// How wide that prior is about `value`: no parameter is less certain.
 double prior_width(const EffectParameter& parameter, double low, double high, double value);
+/// The same of a parameter of a model.
+double prior_width(const Rows& rows, const Model& model, const FreeParameter& p);
 
 /// What choosing the parameters of the members after the first `known` costs [nats], at most 0: the integral of the
 /// likelihood over them against its maximum, by Laplace's method over all of them together,

@@ -10,6 +10,7 @@
 
 #include "diagnosis/free_parameters.hpp"
 #include "diagnosis/generic_effect.hpp"
+#include "diagnosis/select/evidence.hpp"
 #include "diagnosis/select/hypothesis.hpp"
 
 namespace rangecal::diagnosis {
@@ -107,10 +108,13 @@ void add_changes_of_shape(const Rows& rows, const Projector& projector, const Ac
 double log_formula_allowance(const Rows& rows, const Projector& projector, const Fit& fit, std::size_t known,
                              const SelectionPriors& priors) {
   std::vector<Signature> signatures;  // of the members' parameters, then of the changes of shape
+  std::vector<double> widths;         // of the parameters' priors
   for (const FreeParameter& p : fit.free)
-    if (p.acts == FreeParameter::Acts::mean)
+    if (p.acts == FreeParameter::Acts::mean) {
       signatures.push_back(
           effect_signature(rows, projector, fit.model[static_cast<std::size_t>(p.effect)], p.index));
+      widths.push_back(prior_width(rows, fit.model, p));
+    }
   const auto k = static_cast<Eigen::Index>(signatures.size());
   std::vector<double> variances;
   for (std::size_t e = known; e < fit.model.size(); ++e)
@@ -132,7 +136,8 @@ double log_formula_allowance(const Rows& rows, const Projector& projector, const
   Eigen::VectorXd slope = score.tail(m);
   if (k > 0) {
     Eigen::MatrixXd of_members = information.topLeftCorner(k, k);
-    of_members.diagonal().array() *= 1.0 + 1e-9;
+    // A parameter that the calibration absorbs is known by its prior alone.
+    of_members.diagonal() += Eigen::Map<const Eigen::VectorXd>(widths.data(), k).cwiseAbs2().cwiseInverse();
     const Eigen::MatrixXd share = of_members.ldlt().solve(information.topRightCorner(k, m));
     I -= information.bottomLeftCorner(m, k) * share;
     slope -= share.transpose() * score.head(k);

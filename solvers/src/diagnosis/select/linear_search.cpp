@@ -7,7 +7,10 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <set>
+
+#include "diagnosis/select/hypothesis.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -46,6 +49,8 @@ class LinearSearch {
           break;
         }
     if (!blocks.empty()) keep(evaluated(blocks));
+    climb_by_names({});
+    if (std::erase_if(blocks, [&](int b) { return is_curve(b); }) > 0) climb_by_names(blocks);
     for (int looked_at = 0; looked_at < most_looked_at; ++looked_at) {
       const Key* next = nullptr;
       double best = -std::numeric_limits<double>::infinity(), of_next = best;
@@ -69,6 +74,8 @@ class LinearSearch {
 
  private:
   const Block& block(int b) const { return dictionary_.blocks()[static_cast<std::size_t>(b)]; }
+
+  bool is_curve(int b) const { return is_generic(*block(b).effect); }
 
   Key key_of(const std::vector<int>& blocks) const {
     Key key;
@@ -123,6 +130,16 @@ class LinearSearch {
     normal.g = dictionary_.scores()(normal.columns);
     normal.G.diagonal() += ridge_of(blocks);
     return normal;
+  }
+
+  /// From a set to larger ones, by the likeliest name at a time, while that is worth its prior: a curve may be what several names do
+  /// together, and none of these alone is as good.
+  void climb_by_names(const std::vector<int>& blocks) {
+    LinearSet here = evaluated(blocks);
+    while (std::optional<LinearSet> next = add_to(here.blocks)) {
+      if (!(next->log_posterior > here.log_posterior)) return;
+      here = std::move(*next);
+    }
   }
 
   /// Adds to the set, drops from it, and exchanges each of its members.
@@ -183,8 +200,8 @@ class LinearSearch {
     }
   }
 
-  /// The likeliest sets with one member more; `pairs`: with two, too.
-  void add_to(const std::vector<int>& blocks, bool pairs = false) {
+  /// Keeps the likeliest sets with one member more; `pairs`: with two, too. The likeliest with one name more.
+  std::optional<LinearSet> add_to(const std::vector<int>& blocks, bool pairs = false) {
     const Key has = key_of(blocks);
     const Normal mine = normal_of(blocks);
     const auto k = static_cast<Eigen::Index>(mine.columns.size());
@@ -192,7 +209,7 @@ class LinearSearch {
     Eigen::MatrixXd half;  // L^-1 G_S*, G = L L^T
     if (k > 0) {
       const Eigen::LLT<Eigen::MatrixXd> factor(mine.G);
-      if (factor.info() != Eigen::Success) return;
+      if (factor.info() != Eigen::Success) return std::nullopt;
       Eigen::MatrixXd across(k, left.size());
       for (Eigen::Index i = 0; i < k; ++i) across.row(i) = dictionary_.gram(mine.columns[i]).transpose();
       half = factor.matrixL().solve(across);
@@ -238,8 +255,16 @@ class LinearSearch {
     std::stable_sort(made.begin(), made.end(), [](const LinearSet& a, const LinearSet& b) {
       return a.log_posterior > b.log_posterior;
     });
+    std::optional<LinearSet> named;
+    for (const LinearSet& set : made)
+      if (!named && names_in(set.blocks) > names_in(blocks)) named = set;
     if (made.size() > branches) made.resize(branches);
     for (LinearSet& set : made) keep(std::move(set));
+    return named;
+  }
+
+  std::ptrdiff_t names_in(const std::vector<int>& blocks) const {
+    return std::count_if(blocks.begin(), blocks.end(), [&](int b) { return !is_curve(b); });
   }
 
   /// Estimates, gain and posterior of a set.

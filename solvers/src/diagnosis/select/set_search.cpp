@@ -38,6 +38,8 @@ constexpr std::size_t most_of_sets = 10, sets_at_a_time = 4;
 constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
+/// Nats by which a fit may gain less than one with some of its members: it is no optimum, since the others may be nothing.
+constexpr double stuck_below = 1.0;
 constexpr int most_fits = 3;  ///< of one set
 /// Nats that a member may be worth for the set without it to be fitted on the way: dropping it may pay.
 constexpr double most_lost = 60.0;
@@ -123,7 +125,7 @@ class SetSearch {
     for (int round = 0; round < (many() ? most_rounds_of_many : most_rounds); ++round) {
       if (Hypothesis* here = next_to_scan())
         look_around(*here);
-      else if (!refine_likeliest())
+      else if (!refine_likeliest() && !free_the_stuck())
         break;
     }
     for (int again = 0; again < most_completions && complete_likeliest(); ++again) {
@@ -202,6 +204,7 @@ class SetSearch {
     here.scanned = true;
     fit_all(here, asked_of_residuals(here));
     fit_likeliest_of(here, sets_linearised_at(here));
+    if (&here == table_.front().get() && falls_short_of_linear(here)) fit_all(here, every_name_beside(here));
     std::vector<Wanted> wanted = sets_without_one(here, most_fits, most_lost);
     std::vector<Wanted> alone = names_alone(here);
     wanted.insert(wanted.end(), alone.begin(), alone.end());
@@ -255,6 +258,36 @@ class SetSearch {
                     : ""));
   }
 
+  /// True if some fit gained less than the problem linearised at a set predicted, by more than what an exact fit changes at most.
+  bool falls_short_of_linear(const Hypothesis& here) const {
+    const Names mine = names_of(here);
+    return std::any_of(table_.begin(), table_.end(), [&](const auto& h) {
+      const double predicted = h->predicted_gain - here.gain;
+      return h->parent == mine && h->predicted_gain - h->gain > refining_adds + refining_share * predicted;
+    });
+  }
+
+  /// Every name of means that may gain anything, fitted from each of its starts: what the linearised problem says is not to be believed.
+  std::vector<Wanted> every_name_beside(const Hypothesis& here) const {
+    const Battery battery = Battery::of_shapes(rows_, here.fit.model, here.fit.state, rates_);
+    std::vector<Proposal> names = propose(rows_, battery, here.fit.model);
+    std::erase_if(names, [&](const Proposal& p) {
+      return p.effect->info().kind != EffectKind::mean ||
+             channel_is_on_grid(known_, p.effect->info().channel);
+    });
+    std::vector<Fit> fits(names.size());
+    in_parallel(
+        names.size(), [&](std::size_t i) { fits[i] = fit_proposal(rows_, here.fit, names[i], options_); },
+        jobs_at_once(rows_.size()));
+    std::vector<Wanted> wanted;
+    for (Fit& fit : fits) {
+      if (!fit.ok) continue;
+      wanted.push_back({fit.model});
+      wanted.back().fit = std::move(fit);
+    }
+    return wanted;
+  }
+
   /// Of a set with several names on means, each of these alone beside all else: what its formula is off by may be what the
   /// others describe.
   std::vector<Wanted> names_alone(const Hypothesis& here) {
@@ -281,7 +314,7 @@ class SetSearch {
       Model rest = without(here.fit.model, i);
       const Hypothesis* known = find(member_names(rest, known_count()));
       if (rest.size() > known_count() && (!known || known->fits < often))
-        smaller.push_back({std::move(rest)});
+        smaller.push_back({std::move(rest), here.gain - loss_without(here.fit, i)});
     }
     return smaller;
   }
@@ -508,6 +541,7 @@ class SetSearch {
       made->fit = refit(rows_, wanted.model, start, options_);
       if (made->fit.ok && root_nll_ - made->fit.nll < wanted.predicted_gain - fell_short)
         start_elsewhere(wanted.model, made->fit);
+      if (is_stuck(made->fit)) start_from_largest_within(wanted.model, *made);
     }
     const double gain = root_nll_ - made->fit.nll;
     if (made->fit.ok && wanted.refine && gain + refining_adds + refining_share * gain > top_gain_) {
@@ -516,7 +550,7 @@ class SetSearch {
     }
     made->predicted_gain = wanted.predicted_gain;
     made->parent = names_of(here);
-    made->curves = here.curves;
+    own(here.curves, *made);
     if (wanted.curve) made->curves.push_back(wanted.curve);
     const char* against = made->fit.ok ? reason_against(*made) : "its fit has no end";
     if (against && tells_outcomes())
@@ -535,6 +569,68 @@ class SetSearch {
     }
     Fit again = refit(rows_, model, table_.front()->fit.state, options_);
     if (again.ok && again.nll < fit.nll) fit = std::move(again);
+  }
+
+  static void own(const std::vector<std::shared_ptr<Effect>>& curves, Hypothesis& h) {
+    for (const auto& curve : curves)
+      if (std::find(h.curves.begin(), h.curves.end(), curve) == h.curves.end()) h.curves.push_back(curve);
+  }
+
+  /// The set of the largest gain with some of these members and no other; the root if there is none.
+  const Hypothesis& largest_within(const Names& names) const {
+    const Hypothesis* most = table_.front().get();
+    for (const auto& h : table_) {
+      const Names own = names_of(*h);
+      if (h->gain > most->gain && own.size() < names.size() &&
+          std::includes(names.begin(), names.end(), own.begin(), own.end()))
+        most = h.get();
+    }
+    return *most;
+  }
+
+  /// True of a fit that gains less than one with some of its members.
+  bool is_stuck(const Fit& fit) const {
+    const double gain = fit.ok ? root_nll_ - fit.nll : -std::numeric_limits<double>::infinity();
+    return gain < largest_within(member_names(fit.model, known_count())).gain - stuck_below;
+  }
+
+  /// From where the set within this one that gains most has its members, stops and landmarks, the linear parameters of the others at 0:
+  /// the fit gains no less.
+  void start_from_largest_within(Model model, Hypothesis& made) const {
+    const Hypothesis& within = largest_within(member_names(model, known_count()));
+    for (std::size_t i = known_count(); i < model.size(); ++i) {
+      ActiveEffect& member = model[i];
+      const auto same = std::find_if(
+          within.fit.model.begin(), within.fit.model.end(),
+          [&](const ActiveEffect& a) { return member_name(*a.effect) == member_name(*member.effect); });
+      if (same != within.fit.model.end()) {
+        member = *same;
+        continue;
+      }
+      const auto& parameters = member.effect->info().parameters;
+      for (std::size_t j = 0; j < parameters.size(); ++j)
+        if (parameters[j].linear) member.parameters[static_cast<Eigen::Index>(j)] = 0.0;
+    }
+    Fit again = refit(rows_, model, within.fit.state, options_);
+    if (!again.ok || (made.fit.ok && again.nll > made.fit.nll)) return;
+    made.fit = std::move(again);
+    own(within.curves, made);
+  }
+
+  /// Fits sets anew that gain less than a set with some of their members, fitted since, and would come near the likeliest if they gained
+  /// as much. False if there are none.
+  bool free_the_stuck() {
+    Hypothesis& top = likeliest();
+    std::vector<Wanted> stuck;
+    for (const auto& h : table_) {
+      const double lost = largest_within(names_of(*h)).gain - h->gain;
+      if (lost > stuck_below && h->fits < most_fits &&
+          h->log_posterior + lost > top.log_posterior - near_the_top)
+        stuck.push_back({h->fit.model});
+    }
+    if (stuck.empty()) return false;
+    fit_all(top, std::move(stuck));
+    return true;
   }
 
   void refine(Fit& fit) const {

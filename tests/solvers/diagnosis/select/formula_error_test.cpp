@@ -48,8 +48,8 @@ Fitted fitted_by_depth(const testing::SeedFit& seed, const SelectionPriors& prio
   return out;
 }
 
-/// The same by dense matrices: y - f - u of N readings, in standard deviations, is N(0, 1 + Z C Z^T) in what curve and size
-/// of the effect leave, whose projection is P.
+/// The same by dense matrices: y - f - u of N readings, in standard deviations, is N(0, 1 + T T^T + Z Z^T) in what the curve leaves,
+/// T the effect of its parameters at the widths of their priors, Z that of the changes of shape.
 double by_dense_matrices(const testing::SeedFit& seed, const Fit& fit, const SelectionPriors& priors) {
   const CellGeometry geometry = cell_geometry(seed.rows, fit.state);
   const auto n = static_cast<Eigen::Index>(seed.rows.size()), alphas = fit.state.alpha.size();
@@ -79,12 +79,19 @@ double by_dense_matrices(const testing::SeedFit& seed, const Fit& fit, const Sel
     const Eigen::VectorXd left = Z.col(j) - u * (u.dot(Z.col(j)) / u.squaredNorm());
     Z.col(j) *= priors.formula_error / std::sqrt(6.0) * u.norm() / left.norm();
   }
-  const Eigen::MatrixXd P =
-      Eigen::MatrixXd::Identity(n, n) - A * (A.transpose() * A).ldlt().solve(A.transpose());
-  const Eigen::MatrixXd V = Eigen::MatrixXd::Identity(n, n) + P * Z * Z.transpose() * P;
-  const Eigen::VectorXd left = P * r;
+  // Sizes are known by their prior too, about the estimate; the curve by the readings alone.
+  const Eigen::MatrixXd B = A.leftCols(alphas);
+  Eigen::MatrixXd T = A.rightCols(depth.parameters.size());
+  for (const FreeParameter& p : fit.free) T.col(p.index) *= prior_width(seed.rows, fit.model, p);
+  const auto without_curve = [&](const Eigen::MatrixXd& V) -> Eigen::MatrixXd {
+    const Eigen::MatrixXd W = V.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+    return W - W * B * (B.transpose() * W * B).ldlt().solve(B.transpose() * W);
+  };
+  const Eigen::MatrixXd V = Eigen::MatrixXd::Identity(n, n) + T * T.transpose();
+  const Eigen::MatrixXd exact = without_curve(V), inexact = without_curve(V + Z * Z.transpose());
   const double gain =
-      0.5 * left.dot(left - V.ldlt().solve(left)) - 0.5 * V.ldlt().vectorD().array().log().sum();
+      0.5 * r.dot((exact - inexact) * r) -
+      0.5 * std::log((Eigen::MatrixXd::Identity(6, 6) + Z.transpose() * exact * Z).determinant());
   return std::log(1.0 - priors.formula_is_off + priors.formula_is_off * std::exp(gain));
 }
 

@@ -79,6 +79,27 @@ TEST(SetSearch, ACauseOutsideTheCatalogueIsACurveWithoutAName) {
   EXPECT_EQ(answer.tried.front().members, std::vector<std::string>{"curve of bearing along sensor_bearing"});
 }
 
+/// The parameters that a set has more may be nothing: its likelihood is at least that of any set within it.
+TEST(SetSearch, NoSetNearTheLikeliestGainsLessThanASetWithinIt) {
+  for (const testing::Planted& planted :
+       {testing::Planted{{"wheel_slip", -0.3}},
+        testing::Planted{{"near_regime", 0.05}, {"path_curvature", 0.02}}}) {
+    const Answer answer =
+        answer_of(testing::recording_with(planted, "SetSearch.Nested" + planted.front().first));
+    ASSERT_FALSE(answer.tried.empty());
+    for (const TriedSet& large : answer.tried)
+      for (const TriedSet& small : answer.tried) {
+        if (!std::includes(large.members.begin(), large.members.end(), small.members.begin(),
+                           small.members.end()))
+          continue;
+        const double lost = small.gain - large.gain;
+        if (large.log_posterior + lost < answer.tried.front().log_posterior - 15.0) continue;
+        EXPECT_LT(lost, 1.0) << ::testing::PrintToString(large.members) << " gains less than "
+                             << ::testing::PrintToString(small.members);
+      }
+  }
+}
+
 TEST(SetSearch, ATailAndACauseAreFoundTogether) {
   const Answer answer = answer_of(
       testing::recording_with({{"heavy_tails", 0.05}, {"encoder_ellipticity", 0.01}}, "SetSearch.Tail"));
