@@ -21,11 +21,22 @@ TABLE = re.compile(r"<!-- table: (?P<command>.*?); sources: (?P<sources>.*?); ha
 CODE = {".cpp", ".hpp", ".py", ".txt", ".cmake"}
 
 
+# Raw strings, strings and characters, which may hold what looks like a comment; comments and spaces, as the only group.
+TOKEN = re.compile(rb'R"(?P<end>[^(\s]*)\(.*?\)(?P=end)"|"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])+\''
+                   rb'|(?P<nothing>(?:\s|//[^\n]*|/\*.*?\*/)+)', re.S)
+
+
+def meaning(name, content):
+    """Of C++ a source without its comments and its layout; any other as it is."""
+    if not name.endswith((".cpp", ".hpp")):
+        return content
+    return TOKEN.sub(lambda token: b" " if token["nothing"] else token[0], content).strip()
+
+
 def digest(files):
-    """Of names and contents; comments and spaces count, for what does not matter cannot be told from here."""
     whole = hashlib.sha256()
     for name, content in sorted(files):
-        whole.update(name.encode() + b"\0" + hashlib.sha256(content).digest())
+        whole.update(name.encode() + b"\0" + hashlib.sha256(meaning(name, content)).digest())
     return whole.hexdigest()[:16]
 
 

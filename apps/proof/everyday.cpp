@@ -259,6 +259,11 @@ Score score_everyday(const EverydayTable& table, const Diagnosis& diagnosis) {
   out.set_size = static_cast<int>(sets.size());
   out.alarm_p = diagnosis.alarm_p_value;
   if (!diagnosis.explanations.empty()) out.probability = diagnosis.explanations[0].probability;
+  out.probabilities = probabilities_of(diagnosis, [&](const std::string& id) {
+    return std::any_of(table.causes.begin(), table.causes.end(), [&](const std::vector<std::string>& names) {
+      return std::find(names.begin(), names.end(), id_without_column(id)) != names.end();
+    });
+  });
   std::vector<std::vector<std::string>> left = table.causes;
   for (const std::string& id : sets.empty() ? std::vector<std::string>{} : sets.front()) {
     const auto cause = std::find_if(left.begin(), left.end(), [&](const std::vector<std::string>& names) {

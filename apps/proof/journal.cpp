@@ -21,7 +21,7 @@ std::string header() {
          "location,located,"
          "gain_ratio,gain_excess_nats,covered,intervals,held_out_improves,listed,experiment,experiment_good,"
          "seconds,"
-         "partly_right,causes,found,wrong_names,outliers_named,said_large,outside,error\n";
+         "partly_right,causes,found,wrong_names,outliers_named,said_large,outside,names,error\n";
 }
 
 std::string line(const Score& s) {
@@ -32,13 +32,13 @@ std::string line(const Score& s) {
     return v ? std::string(*v ? "1" : "0") : std::string();
   };
   return fmt::format(
-      "{},{},{},{},{},{:.6g},{:.6g},{},{},{},{:.4f},{:.4g},{},{},{},{},{},{},{},{},{},{},{:.3f},{:d},{},{},{},{},{},{},{}\n",
+      "{},{},{},{},{},{:.6g},{:.6g},{},{},{},{:.4f},{:.4g},{},{},{},{},{},{},{},{},{},{},{:.3f},{:d},{},{},{},{},{},{},{},{}\n",
       s.row, s.design, s.index, s.seed, s.planted, s.size, s.value, s.answer, to_string(s.result), s.set_size,
       s.probability, s.alarm_p, s.location, s.located ? 1 : 0, number(s.gain_ratio),
       number(s.gain_excess_nats), s.coverage.covered, s.coverage.intervals, flag(s.held_out_improves),
       flag(s.listed), s.experiment, flag(s.experiment_good), s.seconds, s.partly_right, s.causes,
       s.names.found, s.names.wrong, flag(s.outliers_named), flag(s.said_large), csv_field(s.coverage.outside),
-      csv_field(s.error));
+      s.probabilities, csv_field(s.error));
 }
 
 Answer answer_of(const CsvTable& table, std::size_t row, std::size_t column) {
@@ -95,6 +95,7 @@ std::vector<Score> read_scores(std::string text, const std::string& name) {
     s.names = {t.count(i, column("found")), t.count(i, column("wrong_names"))};
     s.outliers_named = flag(i, "outliers_named");
     if (t.find("said_large")) s.said_large = flag(i, "said_large");  // not in files of before the row `large`
+    if (t.find("names")) s.probabilities = words(i, "names");
     s.error = words(i, "error");
   }
   return scores;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 #include "rangecal/problems/world/physical/plants.hpp"
@@ -211,6 +212,26 @@ Names names_of(const std::vector<std::vector<std::string>>& sets, const std::vec
   return best;
 }
 
+std::string probabilities_of(const Diagnosis& diagnosis,
+                             const std::function<bool(const std::string&)>& is_cause) {
+  const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
+  std::string out;
+  for (const Member& member : diagnosis.members) {
+    if (!find_effect(id_without_column(member.effect))) continue;  // a curve
+    std::vector<std::string> same = exact_twins_of(member.effect);
+    same.push_back(member.effect);
+    const std::vector<std::string> others = less(sets.front(), member.effect);
+    for (const std::vector<std::string>& set : sets) {
+      std::vector<std::string> added;
+      std::set_difference(set.begin(), set.end(), others.begin(), others.end(), std::back_inserter(added));
+      if (added.size() == 1) same.push_back(added.front());
+    }
+    out += fmt::format("{}{} {:.4f} {:d}", out.empty() ? "" : "; ", member.effect, member.probability,
+                       std::any_of(same.begin(), same.end(), is_cause));
+  }
+  return out;
+}
+
 Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& truth,
                 const std::function<bool(const std::vector<std::string>&)>& is_twin) {
   if (truth.empty()) return diagnosis.verdict == Verdict::no_mismatch ? Answer::quiet : Answer::false_alarm;
@@ -280,13 +301,14 @@ namespace {
 /// in proportion to the temperature.
 Diagnosis with_warmup_by_its_column(const Case& c, Diagnosis diagnosis) {
   if (!contains(c.truth, "warmup_drift") || !c.planted.driver.temperature) return diagnosis;
-  const auto rename = [](std::vector<std::string>& names) {
-    std::replace(names.begin(), names.end(), std::string("temperature_coefficient:temperature_c"),
-                 std::string("warmup_drift"));
+  const auto rename = [](std::string& name) {
+    if (name == "temperature_coefficient:temperature_c") name = "warmup_drift";
   };
-  rename(diagnosis.final_effects);
+  std::for_each(diagnosis.final_effects.begin(), diagnosis.final_effects.end(), rename);
+  for (Member& member : diagnosis.members) rename(member.effect);
   for (Explanation& explanation : diagnosis.explanations)
-    for (std::vector<std::string>& set : explanation.indistinguishable_from) rename(set);
+    for (std::vector<std::string>& set : explanation.indistinguishable_from)
+      std::for_each(set.begin(), set.end(), rename);
   return diagnosis;
 }
 
@@ -304,6 +326,8 @@ Score score(const Case& c, const Diagnosis& given) {
   out.answer = in_words(answer_sets(given));
   out.set_size = static_cast<int>(sets.size());
   if (!diagnosis.explanations.empty()) out.probability = diagnosis.explanations[0].probability;
+  out.probabilities =
+      probabilities_of(diagnosis, [&](const std::string& id) { return contains(c.truth, id); });
   out.alarm_p = diagnosis.alarm_p_value;
   if (!diagnosis.location.empty())
     out.location = diagnosis.location[0].channel + "/" + diagnosis.location[0].covariate;

@@ -75,6 +75,7 @@ struct Score {
   bool partly_right = false;  ///< a pair: one right and none wrong; a stated spread: stop_effect alone
   int causes = 0;             ///< concealed, beside outliers and what is outside the catalogue
   Names names;                ///< of the answer, outliers' own left out
+  std::string probabilities;  ///< of all names of the answer, and whether they are right (`probabilities_of`)
   std::optional<bool> outliers_named;  ///< as what they are
   std::optional<bool> said_large;      ///< what is named is said to be unusually large
   std::string location;  ///< "channel/covariate" first found; beside causes, of what has no name
@@ -93,6 +94,11 @@ struct Score {
 std::vector<std::vector<std::string>> answer_sets(const Diagnosis& diagnosis);
 /// "a+b | c".
 std::string in_words(const std::vector<std::vector<std::string>>& sets);
+
+/// "id probability right; ...": every name of a diagnosis with its probability, and 1 if a concealed cause is in the class that this is the
+/// probability of: the name, its exact twins, and what replaces it in a set that the recording cannot tell apart. `is_cause`: of an id.
+std::string probabilities_of(const Diagnosis& diagnosis,
+                             const std::function<bool(const std::string&)>& is_cause);
 
 /// The class of an answer. `is_twin` says whether a set of effects leaves too little of the planted one to be
 /// told from it; it is asked only for members of a set that holds the truth.

@@ -163,6 +163,27 @@ TEST(Score, OfALargeCauseAsksForTheNote) {
   EXPECT_EQ(read.at(0).said_large, said.said_large);
 }
 
+/// A name is right if what it was told from no better is concealed: itself, an exact twin, a name in its place in another set.
+TEST(Score, ANameHasTheProbabilityOfItsClass) {
+  Diagnosis d = explained({"heading_drift", "sweep_motion", "tilt"});
+  d.explanations.resize(1);
+  d.explanations[0].indistinguishable_from = {{"heading_drift", "target_reflectance", "tilt"},
+                                              {"lever_arm", "path_curvature", "tilt"}};
+  d.members = {{"heading_drift", 0.9, {}, {}},
+               {"sweep_motion", 0.75, {}, {}},
+               {"tilt", 1.0, {}, {}},
+               {"curve of range along time", 1.0, {}, {}}};
+  Case c;
+  c.row = "many-3", c.truth = {"target_reflectance", "settling", "path_curvature"};
+  const Score scored = score(c, d);
+  EXPECT_EQ(scored.probabilities, "heading_drift 0.9000 0; sweep_motion 0.7500 1; tilt 1.0000 0");
+  EXPECT_EQ(read_scores(proof_csv({scored}), "scores.csv").at(0).probabilities, scored.probabilities);
+  c.truth = {"bearing_drift"};
+  d = explained({"heading_drift"});
+  d.members = {{"heading_drift", 0.6, {}, {}}};
+  EXPECT_EQ(score(c, d).probabilities, "heading_drift 0.6000 1") << "an exact twin";
+}
+
 TEST(Score, OfAFormulaThatIsOffMayLeaveARest) {
   Case c;
   c.row = "formula-off", c.truth = {"tilt"}, c.shape_error = {0.1};

@@ -35,6 +35,21 @@ def test_a_table_is_stale_once_a_source_changes(source, tmp_path):
     assert stale(tmp_path).returncode == 0, "lists, and fails only where it is asked to check"
 
 
+def test_comments_and_layout_of_a_source_make_no_table_stale(source, tmp_path):
+    (tmp_path / "benchmarks").mkdir()
+    shutil.copy(source / "benchmarks" / "stale.py", tmp_path / "benchmarks")
+    code = tmp_path / "a.cpp"
+
+    def digest(text):
+        code.write_text(text)
+        return stale(tmp_path, "--hash", "a.cpp").stdout
+
+    plain = digest('int a = 1\'000; const char* s = "// not a comment";\n')
+    assert digest('// what it is\nint a  =\n 1\'000; /* and */ const char* s = "// not a comment";') == plain
+    assert digest('int a = 1\'000; const char* s = "// no comment";\n') != plain
+    assert digest('int a = 1\'001; const char* s = "// not a comment";\n') != plain
+
+
 def test_sources_that_are_not_there_are_refused(source):
     result = stale(source, "--hash", "nowhere")
     assert result.returncode == 1 and result.stderr == "stale.py: there is no nowhere\n"
