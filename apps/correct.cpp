@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -17,6 +18,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/utf8.hpp"
+#include "rangecal/problems/effects/effect.hpp"
 #include "rangecal/solvers/correction/candidates.hpp"
 #include "rangecal/solvers/correction/posterior.hpp"
 #include "read_progress.hpp"
@@ -120,12 +122,20 @@ class Beyond {
                      calibration.range_min_m, calibration.range_max_m));
     line(out_of_range_, "are flagged out_of_range: read at no distance of the fit, nor near its ends");
     for (const ColumnBeyond& column : columns)  // also of readings without a distance
-      line(
-          column.readings,
-          fmt::format(
-              "have a {} outside the {:.6g} to {:.6g} over which the effects that use it were fitted, first in row "
-              "{}: extrapolated_column",
-              column.column, column.from, column.to, column.first_row));
+      if (!column.label.empty())
+        line(
+            column.readings,
+            fmt::format(
+                "are of a landmark or device that the calibration does not know, first '{}' in row {}; it knows {}: "
+                "extrapolated_column",
+                column.label, column.first_row, fmt::join(labels_of_landmarks(calibration), ", ")));
+      else
+        line(
+            column.readings,
+            fmt::format(
+                "have a {} outside the {:.6g} to {:.6g} over which the effects that use it were fitted, first in row "
+                "{}: extrapolated_column",
+                column.column, column.from, column.to, column.first_row));
   }
 
  private:
@@ -281,6 +291,20 @@ class Posteriors {
   Beyond beyond_;
 };
 
+/// Of outliers nothing says which readings they are: distance and std_m are those of all others.
+void warn_of_outliers(const Calibration& loaded, const std::string& file) {
+  for (const auto& [id, parameters] : loaded.effects) {
+    const Effect* effect = find_effect(id);
+    const auto share = parameters.find("share");
+    if (!effect || effect->info().kind != EffectKind::tail || share == parameters.end()) continue;
+    fmt::print(
+        stderr,
+        "rangecal: warning: {}: it found outliers ({}) in {:.2g} % of its readings; which ones here are such is not known, and "
+        "std_m is that of the others\n",
+        file, id, 100.0 * share->second);
+  }
+}
+
 /// Of an effect on one landmark that the calibration does not list (of pairs it lists none) no reading is known to be.
 void warn_of_unlisted_landmarks(const Calibration& loaded, const std::string& file) {
   for (const auto& [id, parameters] : loaded.effects) {
@@ -365,6 +389,7 @@ struct CorrectCommand {
     if (loaded.left_out && !loaded.left_out->usable)
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.left_out->reason);
     warn_of_unlisted_landmarks(loaded, calibration);
+    warn_of_outliers(loaded, calibration);
     return loaded;
   }
 

@@ -65,10 +65,24 @@ struct DiagnoseCommand {
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
     if (!patch.empty()) write_patch(diagnosis);
     fmt::print("{}\n\n{}", describe(loaded), diagnosis_text(diagnosis));
+    say_what_is_next(diagnosis);
     return determined(diagnosis) ? done : not_delivered;
   }
 
  private:
+  /// How the answer is put to use, where there is one that was not written down.
+  void say_what_is_next(const Diagnosis& diagnosis) const {
+    const bool named =
+        diagnosis.verdict == Verdict::explained || diagnosis.verdict == Verdict::partly_explained;
+    if (!named || !simulation.empty() || !determined(diagnosis)) return;
+    const std::string file = calibration.empty() ? "completed.json" : calibration;
+    fmt::print("\nNext\n");
+    if (calibration.empty())
+      fmt::print("  the same command with --calibration {} keeps the calibration with what was found\n",
+                 file);
+    fmt::print("  rangecal correct {} readings.csv       undoes both in new readings\n", file);
+  }
+
   int run_each_apart() const {
     for (const auto& [option, given] : {std::pair("--simulation", &simulation),
                                         {"--json", &json},

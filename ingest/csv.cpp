@@ -1170,8 +1170,9 @@ std::function<Imported()> add_csv(CLI::App& command) {
   command.add_option("--reading", given->reading, "name of the column with what the sensor read");
   command.add_option("--batch", given->batch,
                      "column of labels: readings of one fixed distance belong together");
-  command.add_option("--landmark", given->landmark,
-                     "column of labels: which target, surface or device was read");
+  command.add_option(
+      "--landmark", given->landmark,
+      "column of labels: which target or surface was read, or which of several sensors read it");
   command.add_option("--bearing", given->bearing, "column of the direction in the sensor's frame");
   command.add_option("--time", given->time,
                      "column of times: numbers, or as ISO 8601 has them (2024-05-01T12:00:00.5)");
@@ -1194,7 +1195,7 @@ std::function<Imported()> add_csv(CLI::App& command) {
   command.footer(
       "A row of the table is one reading of a target at a known distance. Every other column of numbers is kept as a\n"
       "covariate: 'diagnose' looks for what the error depends on by its name. Columns of texts cannot be; those of few\n"
-      "texts, such as surfaces, can be labels. Which columns were taken, which not and why, and each row left out are said.\n"
+      "texts, such as surfaces or the serial numbers of sensors, can be labels (--landmark). Which columns were taken, which not and why, and each row left out are said.\n"
       "\n"
       "Recognised: commas, semicolons, tabs; decimal commas; units in names, 'range [cm]', 'range_mm'; columns called\n"
       "truth, reference, reading, measured, time, bearing, landmark, batch; times since 1970 in s, ms, us, ns. Empty fields,\n"
@@ -1202,7 +1203,7 @@ std::function<Imported()> add_csv(CLI::App& command) {
       "\n"
       "Examples:\n"
       "  rangecal import csv readings.csv --true 'distance [cm]' --reading sonar --unit cm -o rec\n"
-      "  rangecal import csv log.csv --true tape --reading raw_mm --true-unit m --time timestamp --landmark surface -o rec\n"
+      "  rangecal import csv log.csv --true 'tape (m)' --reading raw_mm --time timestamp --landmark surface -o rec\n"
       "  rangecal calibrate rec && rangecal diagnose rec");
   return [given] {
     check_table_options(*given);

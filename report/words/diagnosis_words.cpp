@@ -143,14 +143,20 @@ std::vector<BeforeAfter> before_after_rows(const Diagnosis& d) {
     if (*b.heldout_nll >= *a.heldout_nll) change += "  (no improvement)";
   }
   add("held-out NLL [nats]", number(a.heldout_nll, "{:.1f}"), number(b.heldout_nll, "{:.1f}"), change);
+  const bool has_tail =
+      std::any_of(d.final_effects.begin(), d.final_effects.end(), [](const std::string& id) {
+        const Effect* effect = find_effect(id);
+        return effect && effect->info().kind == EffectKind::tail;
+      });
   const auto in_mm = [](std::optional<double> metres) {
     return metres ? std::optional(1e3 * *metres) : std::nullopt;
   };
   if (a.heldout_rms_range_m)
     add("held-out RMS [mm]", number(in_mm(a.heldout_rms_range_m), "{:.2f}"),
-        number(in_mm(b.heldout_rms_range_m), "{:.2f}"), "");
+        number(in_mm(b.heldout_rms_range_m), "{:.2f}"), has_tail ? "outliers counted" : "");
   add("RMS range [mm]", fmt::format("{:.2f}", 1e3 * a.rms_range_m),
-      fmt::format("{:.2f}", 1e3 * b.rms_range_m), "of the means of repeats");
+      fmt::format("{:.2f}", 1e3 * b.rms_range_m),
+      has_tail ? "of the means of repeats; completed: less what outliers add" : "of the means of repeats");
   if (d.baseline.kind == RecordingKind::landmarks && d.baseline.sigma_theta_rad)
     add("RMS bearing [deg]", fmt::format("{:.3f}", a.rms_bearing_rad / degree),
         fmt::format("{:.3f}", b.rms_bearing_rad / degree), "");

@@ -80,7 +80,9 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
   std::string text;
   const auto add = [&](const std::string& sentence) { text += (text.empty() ? "" : "; ") + sentence; };
   const ResidualCheck check = check_residuals(recordings, c);
-  if (report.noise_shape.empty() && !repeats_in_words(check).empty())
+  const bool halves_differ =
+      c.left_out && c.left_out->halves_p_value && *c.left_out->halves_p_value < halves_level;
+  if (halves_differ || (report.noise_shape.empty() && !repeats_in_words(check).empty()))
     add(fmt::format("'rangecal diagnose {}' looks for the effect that the model lacks",
                     recordings.size() == 1 && !recordings[0].path.empty() ? recordings[0].path : "REC..."));
   if (const auto strain = stop_strain(c, recordings); strain && *strain > 1.25)

@@ -132,9 +132,8 @@ std::string left_out_in_words(const Calibration& calibration) {
                   check.what, with_std(1e3 * check.rms_raw_m, 1e3 * check.rms_raw_std_m),
                   with_std(1e3 * check.rms_corrected_m, 1e3 * check.rms_corrected_std_m));
   if (check.halves_p_value) {
-    constexpr double level = 0.01;
     text += fmt::format("; the curves of both halves of the recording {} (p = {:.2g})",
-                        *check.halves_p_value < level ? "DISAGREE" : "agree", *check.halves_p_value);
+                        *check.halves_p_value < halves_level ? "DISAGREE" : "agree", *check.halves_p_value);
   }
   return text;
 }

@@ -37,6 +37,8 @@ std::string not_usable_in_words(const Calibration& calibration, std::span<const 
 /// "readings of 10 stops left out: raw 311 +- 20 mm RMS, corrected 77 +- 5 mm; both halves ... agree (p = 0.41)"; empty where
 /// there is no such check.
 std::string left_out_in_words(const Calibration& calibration);
+/// The p-value below which the curves of both halves of a recording are said to differ.
+inline constexpr double halves_level = 0.01;
 /// "the model does not hold: standard deviations by stops are 3.1 times as large ..."; empty where it does.
 std::string misfit_in_words(const Calibration& calibration);
 /// "5 of 1575 readings" and a line for each of the gravest; empty where the noise has no outliers.

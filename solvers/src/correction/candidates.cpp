@@ -105,6 +105,13 @@ class SettingRows {
         ranged_.push_back(field(column));
         beyond_.push_back({column, range.first, range.second, 0, 0});
       }
+    // An effect on one landmark leaves all others as they are. What any other that needs the landmark does is known of those alone that it
+    // was fitted to.
+    labels_matter_ = std::any_of(needs.begin(), needs.end(), [&](const EffectCorrector::Need& need) {
+      const auto effect = calibration.effects.find(need.effect);
+      return need.column == "landmark" && effect != calibration.effects.end() &&
+             !effect->second.contains("landmark");
+    });
     for (const EffectCorrector::Need& need : needs)
       if (std::find(own_columns.begin(), own_columns.end(), need.column) == own_columns.end())
         wanted_.push_back(field(need.column));
@@ -116,6 +123,7 @@ class SettingRows {
   /// Of the columns met so far, those with values beyond.
   std::vector<ColumnBeyond> beyond() const {
     std::vector<ColumnBeyond> met = beyond_;
+    met.push_back(unknown_label_);
     std::erase_if(met, [](const ColumnBeyond& one) { return one.readings == 0; });
     return met;
   }
@@ -126,7 +134,14 @@ class SettingRows {
     at.heading_rad = angle(row, heading_);
     at.radius_m = value(row, radius_);
     at.time_s = value(row, time_) - first_time_;
-    if (const auto label = label_in(row, landmark_)) at.landmark = labelled(landmark_numbers_, *label);
+    if (const auto label = label_in(row, landmark_)) {
+      at.landmark = labelled(landmark_numbers_, *label);
+      if (labels_matter_ && at.landmark < 0) {
+        at.extrapolated_column = true;
+        if (++unknown_label_.readings == 1)
+          unknown_label_.label = *label, unknown_label_.first_row = table_.line(row);
+      }
+    }
     if (const auto label = label_in(row, stop_)) at.stop = labelled(stop_numbers_, *label);
     if (at.stop >= 0 && !std::isfinite(at.heading_rad))
       at.heading_rad = calibration_.stops[static_cast<std::size_t>(at.stop)].pose.heading_rad;
@@ -189,6 +204,8 @@ class SettingRows {
   Field bearing_, heading_, time_, radius_, repeat_, landmark_, stop_;
   std::vector<Field> covariates_, wanted_, ranged_;
   std::vector<ColumnBeyond> beyond_;  ///< of ranged_
+  bool labels_matter_ = false;
+  ColumnBeyond unknown_label_{.column = "landmark"};
   double first_time_ = std::numeric_limits<double>::infinity();
 };
 

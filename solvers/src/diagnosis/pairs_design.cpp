@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 
 #include "rangecal/core/angles.hpp"
@@ -26,9 +27,14 @@ bool knows_directions(const Rows& rows) {
   return std::any_of(rows.bearing_rad.begin(), rows.bearing_rad.end(), [](double b) { return b != 0.0; });
 }
 
-bool has_column(const Rows& rows, const char* name) {
-  const std::vector<std::string>& columns = rows.context.covariates;
-  return std::find(columns.begin(), columns.end(), name) != columns.end();
+/// The first covariate that is a temperature; none where no column is.
+std::optional<std::size_t> temperature_column(const Rows& rows) {
+  const EffectContext& context = rows.context;
+  for (std::size_t c = 0; c < context.covariates.size(); ++c)
+    if (context.covariates[c] == temperature_name ||
+        (c < context.columns.size() && context.columns[c].role == ColumnRole::temperature))
+      return c;
+  return std::nullopt;
 }
 
 /// Words for a column that the change takes.
@@ -192,7 +198,7 @@ std::vector<MenuEntry> menu_for_pairs(const Rows& rows) {
     offer("E6", "read all distances again with a target of another reflectance" +
                     taking_column("landmark", rows.context.landmark_count > 0));
   offer("warmer", "read all distances again 10 degrees warmer" +
-                      taking_column(temperature_name, has_column(rows, temperature_name)));
+                      taking_column(temperature_name, temperature_column(rows).has_value()));
   offer("E1", one_way ? "turn the sensor to either side at each distance"
                       : "turn the sensor by 90, 180 and 270 degrees at each distance" +
                             taking_column("bearing_rad", directions));
@@ -245,13 +251,12 @@ void extend_pairs(const Rows& rows, const std::string& code, DraftDesign& draft,
       draft.recording.landmarks.push_back({std::to_string(draft.recording.landmarks.size()), 0.0, {}});
     more.all_again();
   } else if (code == "warmer") {
-    design.varies = temperature_name;
-    const std::vector<std::string>& columns = rows.context.covariates;
-    const auto column = std::find(columns.begin(), columns.end(), temperature_name);
+    const std::optional<std::size_t> column = temperature_column(rows);
+    design.varies = column ? rows.context.covariates[*column] : temperature_name;
     const std::size_t before = rows.size();
-    if (column != columns.end()) more.warmer_column = static_cast<int>(column - columns.begin());
+    if (column) more.warmer_column = static_cast<int>(*column);
     more.all_again(0.0);
-    if (column == columns.end()) {  // of a temperature that nobody wrote down the difference is known
+    if (!column) {  // of a temperature that nobody wrote down the difference is known
       std::vector<double>& added = draft.recording.pairs.covariates[temperature_name];
       added.assign(before, 20.0);
       added.resize(2 * before, 20.0 + warmer_c);

@@ -29,6 +29,10 @@ bool ends_with(const std::string& text, const char* end) {
          text.compare(text.size() - std::strlen(end), std::string::npos, end) == 0;
 }
 
+bool contains(const std::vector<std::string>& ids, const std::string& id) {
+  return std::find(ids.begin(), ids.end(), id) != ids.end();
+}
+
 std::string two_digits(double value) {
   return value >= 99.5 ? fmt::format("{:.0f}", value) : fmt::format("{:.2g}", value);
 }
@@ -106,12 +110,42 @@ std::vector<const Finding*> named_findings(const Diagnosis& d) {
   return searched.empty() ? kept : searched;
 }
 
+/// Steps of readings and missing ones after what puts readings off.
+std::vector<std::string> grids_last(std::vector<std::string> ids) {
+  std::stable_partition(ids.begin(), ids.end(), [](const std::string& id) {
+    const Effect* effect = find_effect(id);
+    return !effect ||
+           (effect->info().kind != EffectKind::grid && effect->info().kind != EffectKind::detection);
+  });
+  return ids;
+}
+
+/// What other sets that the recording cannot tell from the answer have in its stead: "b or c in place of a, or d in place of e".
+std::string rivals_in_words(const std::vector<std::string>& answer,
+                            const std::vector<std::vector<std::string>>& others) {
+  std::vector<std::pair<std::string, std::vector<std::string>>> in_place_of;  // by what they replace
+  for (const std::vector<std::string>& set : others) {
+    std::vector<std::string> added = set, replaced = answer;
+    std::erase_if(added, [&](const std::string& id) { return contains(answer, id); });
+    std::erase_if(replaced, [&](const std::string& id) { return contains(set, id); });
+    const std::string of = replaced.size() == answer.size() ? "" : listed(replaced);
+    auto same =
+        std::find_if(in_place_of.begin(), in_place_of.end(), [&](const auto& p) { return p.first == of; });
+    if (same == in_place_of.end()) same = in_place_of.insert(same, {of, {}});
+    same->second.push_back(added.empty() ? "nothing" : listed(added));
+  }
+  std::vector<std::string> parts;
+  for (const auto& [of, sets] : in_place_of)
+    parts.push_back(fmt::format("{}{}", fmt::join(sets, " or "), of.empty() ? "" : " in place of " + of));
+  return fmt::format("{}", fmt::join(parts, ", or "));
+}
+
 /// Names beside `generic`, and what they leave.
 std::string partly_explained(const Diagnosis& d) {
   std::vector<std::string> named;
   for (const std::string& id : d.final_effects)
     if (id != "generic") named.push_back(id);
-  std::string text = "In part explained by " + listed(named);
+  std::string text = "In part explained by " + listed(grids_last(named));
   const std::vector<const Finding*> findings = named_findings(d);
   if (named.size() == 1 && findings.size() == 1) text += ", " + size_in_words(*findings[0]);
   const auto left = std::find_if(d.location.begin(), d.location.end(), [](const Finding& f) {
@@ -134,7 +168,7 @@ std::string verdict_sentence(const Diagnosis& d) {
                                 1e3 * worst.harm_m, worst.harm_m < 0.01 ? 1 : 0);
     }
     case Verdict::explained: {
-      std::string text = "Explained by " + listed(d.final_effects);
+      std::string text = "Explained by " + listed(grids_last(d.final_effects));
       if (const auto findings = named_findings(d); !findings.empty())
         text += ", " + size_in_words(*findings[0]);
       if (d.final_effects.size() == 1) {
@@ -142,9 +176,8 @@ std::string verdict_sentence(const Diagnosis& d) {
           text += ": " + first_sentence(effect->info().physics);
       }
       if (!d.explanations.empty() && !d.explanations[0].indistinguishable_from.empty()) {
-        std::vector<std::string> others;
-        for (const auto& set : d.explanations[0].indistinguishable_from) others.push_back(listed(set));
-        text += fmt::format(" (or {}: this recording cannot tell)", fmt::join(others, ", or "));
+        text += fmt::format(" (or {}: this recording cannot tell)",
+                            rivals_in_words(d.final_effects, d.explanations[0].indistinguishable_from));
       }
       return text + ".";
     }

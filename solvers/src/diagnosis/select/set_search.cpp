@@ -70,10 +70,10 @@ std::string step_in_words(const Names& set, const Names& from) {
 /// A line of a set that was fitted. `before`: the log posterior of what it is compared with.
 void tell_of_fitted(const TriedSet& set, double before, const std::string& what_became_of_it) {
   tell(fmt::format(
-      "hypothesis {}: log posterior {:.2f} -> {:.2f} (gain {:.2f}{}, volume {:.2f}, prior {:.2f}): {}",
+      "hypothesis {}: log posterior {:.2f} -> {:.2f} (gain {:.2f}{}, volume {:.2f}, formula {:.2f}, prior {:.2f}): {}",
       step_in_words(set.members, set.parent), before, set.log_posterior, set.gain,
       set.predicted_gain == 0.0 ? "" : fmt::format(" of {:.2f} predicted", set.predicted_gain),
-      set.parameter_volume, set.prior_mass, what_became_of_it));
+      set.parameter_volume, set.formula_allowance, set.prior_mass, what_became_of_it));
 }
 
 /// A line of a set that was refused without a comparison.
@@ -204,7 +204,7 @@ class SetSearch {
     here.scanned = true;
     fit_all(here, asked_of_residuals(here));
     fit_likeliest_of(here, sets_linearised_at(here));
-    if (&here == table_.front().get() && falls_short_of_linear(here)) fit_all(here, every_name_beside(here));
+    if (&here == table_.front().get() && falls_short_of_linear(here)) fit_all(here, names_by_score(here));
     std::vector<Wanted> wanted = sets_without_one(here, most_fits, most_lost);
     std::vector<Wanted> alone = names_alone(here);
     wanted.insert(wanted.end(), alone.begin(), alone.end());
@@ -267,9 +267,10 @@ class SetSearch {
     });
   }
 
-  /// Every name of means that may gain anything, fitted from each of its starts: what the linearised problem says is not to be believed.
-  std::vector<Wanted> every_name_beside(const Hypothesis& here) const {
-    const Battery battery = Battery::of_shapes(rows_, here.fit.model, here.fit.state, rates_);
+  /// The names of means whose scores promise most here, each added and fitted from up to four starts: what the linearised problem says of
+  /// sets is not to be believed.
+  std::vector<Wanted> names_by_score(const Hypothesis& here) const {
+    const Battery battery(rows_, here.fit.model, here.fit.state, rates_);
     std::vector<Proposal> names = propose(rows_, battery, here.fit.model);
     std::erase_if(names, [&](const Proposal& p) {
       return p.effect->info().kind != EffectKind::mean ||

@@ -29,12 +29,14 @@ std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& co
                                                        const ReadingSetting& setting,
                                                        bool maximum_likelihood);
 
-/// A column whose values lie outside those over which the effects that use it were fitted.
+/// A column whose values lie outside those over which the effects that use it were fitted; of landmarks or devices, one that the
+/// calibration does not know.
 struct ColumnBeyond {
   std::string column;
   double from = 0.0, to = 0.0;  ///< as in Calibration::effects_range
   std::size_t readings = 0;
-  int first_row = 0;  ///< of the table's file
+  int first_row = 0;       ///< of the table's file
+  std::string label = {};  ///< of landmarks: the first one that is not known
 };
 
 /// The effects of a calibration, which must outlive this, and what they need to know about each reading.
