@@ -89,7 +89,7 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
   if (!column)
     throw InputError(name, 1, "",
                      "there is no column reading_m or range_m, and the first line is no number; columns are "
-                     "separated by commas");
+                     "separated by commas ('rangecal import csv' makes such a table, pairs.csv, of any)");
   while (rows.next()) readings.push_back(rows.number(*column).value_or(std::nan("")));
   return readings;
 }

@@ -1,27 +1,37 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""docs/proof-table.md of what `rangecal prove` printed, row by row, the figures that are not met first.
+"""docs/proof-table.md and docs/proof-answers.csv of what `rangecal prove` printed; rows that are not given stay as they are there.
 
-    for row in ROW...; do rangecal prove --fresh 24 --seed S --no-oracle --row $row --csv proof/$row.csv > proof/$row.log; done
-    benchmarks/proof_page.py proof=COMMIT@S > docs/proof-table.md
+    for row in ROW...; do rangecal prove --fresh 300 --seed S --no-oracle --row $row --csv drawn/$row.csv > drawn/$row.log; done
+    benchmarks/proof_page.py drawn=COMMIT@S
 
-COMMIT is that of the program that drew them, S their seed; rows of several programs or seeds are given as several folders. The answers of all worlds go to
-docs/proof-answers.csv.
+COMMIT is that of the program that drew them, S their seed.
 """
 import argparse
 import csv
+import math
 import re
+import statistics
 import subprocess
+from collections import Counter, namedtuple
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SOURCES = "core/include core/src problems solvers/include solvers/src apps/proof"
+PAGE, ANSWERS = ROOT / "docs" / "proof-table.md", ROOT / "docs" / "proof-answers.csv"
+NO_PART = "fleet plan study recursive change tilt".split()  # of no diagnosis
+SOURCES = " ".join(["core problems solvers apps/proof !core/src/io !solvers/src/diagnosis/sentence.cpp",
+                    "!solvers/src/diagnosis/diagnosis_json.cpp"]
+                   + [f"!solvers/{part}/{name}" for name in NO_PART for part in ("src", "include/rangecal/solvers")])
 LINE = re.compile(r"^\S.*?\S\s{2,}\d+\s+\S+(?: %)?\s.*?(?:NOT MET|met)$")
+HEAD = "what                                                worlds    figure  95 % interval     at least"
+
+Row = namedtuple("Row", "name fresh lines seconds commit seed sources hash")
 
 
-def rows_of(folder):
-    """(row, lines of its figures, line of its seconds, worlds asked for) of every row that was drawn whole, and all answers."""
-    rows, answers = [], []
+def rows_of(folder, commit, seed):
+    """Every row that was drawn whole, and its answers."""
+    digest = subprocess.run([ROOT / "benchmarks" / "stale.py", "--hash", *SOURCES.split(), "--at", commit],
+                            check=True, capture_output=True, text=True).stdout.strip()
     for log in sorted(folder.glob("*.log")):
         text = log.read_text()
         if "what  " not in text:
@@ -29,53 +39,144 @@ def rows_of(folder):
         lines = [line.rstrip() for line in text.splitlines() if LINE.match(line.rstrip())]
         seconds = re.search(r"^seconds a world.*$", text, re.M)
         fresh = re.search(r"^(\d+) fresh worlds", text, re.M)
-        rows.append((log.stem, lines, seconds and seconds[0], fresh and fresh[1]))
         with open(log.with_suffix(".csv"), newline="") as file:
-            answers += list(csv.DictReader(file))
-    return sorted(rows, key=lambda row: (-sum(line.endswith("NOT MET") for line in row[1]), row[0])), answers
+            yield Row(log.stem, fresh and fresh[1], lines, seconds and seconds[0], commit[:9], seed, SOURCES, digest), list(csv.DictReader(file))
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", nargs="+", metavar="FOLDER=COMMIT@SEED", help="logs and tables of rows, and what drew them")
-    options = parser.parse_args()
-    print("""# What came out of every row that was drawn?
+def rows_printed():
+    """Those of the page as it is."""
+    for section in re.split(r"^## By commit ", PAGE.read_text(), flags=re.M)[1:]:
+        commit, seed = re.match(r"(\S+), seed (\d+)", section).groups()
+        table = re.search(r"sources: (.*?); hash: ([0-9a-f]+) -->", section, re.S)
+        for part in re.split(r"^--row ", section, flags=re.M)[1:]:
+            name, fresh = re.match(r"(\S+) --fresh (\d+)", part).groups()
+            indented = [line.strip() for line in part.splitlines() if line.startswith("  ")]
+            yield Row(name, fresh, [line for line in indented if LINE.match(line)],
+                      next((line for line in indented if line.startswith("seconds")), None), commit, seed, *table.groups())
 
-Worlds of `docs/proof.md`, each row drawn once, beside other work on two cores; the rows with most figures that are not met first.
-`docs/proof-answers.csv` has every answer. Seconds of different sections are not to be compared: the machines were busy. With 24 worlds
-a figure is known to some ten points: the intervals are 95 %. "Right name" and "all, and nothing else" count sets that the recording cannot
-tell apart; "by single names" counts answers of one set. The noncentrality lambda is that of the likelihood-ratio test of whoever knows the
-effect.""")
-    everything = []
-    for given in options.folders:
-        folder, drawn_by = given.split("=")
-        commit, seed = drawn_by.split("@")
-        rows, answers = rows_of(Path(folder))
-        everything += answers
-        digest = subprocess.run([ROOT / "benchmarks" / "stale.py", "--hash", *SOURCES.split(), "--at", commit],
-                                check=True, capture_output=True, text=True).stdout.strip()
-        print(f"""
-## By commit {commit[:9]}, seed {seed}
+
+def wilson(k, n):
+    z, p = 1.959964, k / n
+    middle, half = (p + z * z / (2 * n)) / (1 + z * z / n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+    return 100 * (middle - half), 100 * (middle + half)
+
+
+def percent(k, n):
+    return f"{100 * k / n:.1f}" if n else ""
+
+
+def by_row(answers):
+    """What became of every world of a row."""
+    yield ("| row | worlds | one name, right | a set, right | sets in it | in part or unexplained | not seen | wrong | "
+           "95 % intervals hold | median s | worst s |")
+    yield "|---|---|---|---|---|---|---|---|---|---|---|"
+    wrong = Counter(a["row"] for a in answers if a["class"] in ("wrong name", "wrong set", "false alarm"))
+    worlds = Counter(a["row"] for a in answers)
+    for row in sorted(worlds, key=lambda r: (-wrong[r] / worlds[r], r)):
+        own = [a for a in answers if a["row"] == row]
+        count, n = Counter(a["class"] for a in own), len(own)
+        sizes = [int(a["set_size"]) for a in own if a["class"] == "right set"]
+        covered, intervals = (sum(int(a[of] or 0) for a in own) for of in ("covered", "intervals"))
+        seconds = [float(a["seconds"]) for a in own]
+        yield (f"| {row} | {n} | {percent(count['right name'] + count['quiet'], n)} | {percent(count['right set'], n)} | "
+               f"{statistics.mean(sizes):.1f} | " if sizes else
+               f"| {row} | {n} | {percent(count['right name'] + count['quiet'], n)} | {percent(count['right set'], n)} | | ") + (
+               f"{percent(count['unexplained'], n)} | {percent(count['missed'], n)} | "
+               f"{percent(count['wrong name'] + count['wrong set'] + count['false alarm'], n)} | "
+               f"{percent(covered, intervals)}{f' of {intervals}' if intervals else ''} | "
+               f"{statistics.median(seconds):.1f} | {max(seconds):.1f} |")
+
+
+def by_probability(answers):
+    """Names by the probability that they were given, and how often these were right."""
+    names = []
+    for answer in answers:
+        for name in filter(None, (answer.get("names") or "").split("; ")):
+            _, probability, right = name.rsplit(" ", 2)
+            names.append((float(probability), int(right)))
+    if not names:
+        return
+    yield "| probability | names | mean | right [%] | 95 % interval |"
+    yield "|---|---|---|---|---|"
+    edges = [0.0, 0.7, 0.9, 0.97, 0.99, 0.997, 0.999, 1.01]
+    for low, high in zip(edges, edges[1:]):
+        inside = [n for n in names if low <= n[0] < high]
+        if not inside:
+            continue
+        right = sum(r for _, r in inside)
+        a, b = wilson(right, len(inside))
+        label = f"below {high:g}" if low == 0.0 else f"{low:g} to {min(high, 1.0):g}"
+        yield f"| {label} | {len(inside)} | {statistics.mean(p for p, _ in inside):.4f} | {percent(right, len(inside))} | {a:.1f} to {b:.1f} |"
+
+
+def sections(rows):
+    for commit, seed in sorted({(r.commit, r.seed) for r in rows}, key=lambda cs: -sum((r.commit, r.seed) == cs for r in rows)):
+        own = sorted((r for r in rows if (r.commit, r.seed) == (commit, seed)),
+                     key=lambda r: (-sum(line.endswith("NOT MET") for line in r.lines), r.name))
+        yield f"""
+## By commit {commit}, seed {seed}
 
 ```
-for row in {' '.join(sorted(row[0] for row in rows))}; do
+for row in {' '.join(sorted(r.name for r in own))}; do
   rangecal prove --fresh N --seed {seed} --no-oracle --row $row --csv $row.csv
 done
 ```
 
 ```
-what                                                worlds    figure  95 % interval     at least""")
-        for name, lines, seconds, fresh in rows:
-            print(f"--row {name} --fresh {fresh}")
-            for line in lines + ([seconds] if seconds else []):
-                print(f"  {line}")
-        print(f"""```
+{HEAD}"""
+        for r in own:
+            yield f"--row {r.name} --fresh {r.fresh}"
+            yield from (f"  {line}" for line in r.lines + ([r.seconds] if r.seconds else []))
+        yield f"""```
 
-<!-- table: rangecal prove --seed {seed} of commit {commit[:9]}; sources: {SOURCES}; hash: {digest} -->""")
-    with open(ROOT / "docs" / "proof-answers.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, everything[0].keys(), lineterminator="\n")
+<!-- table: rangecal prove --seed {seed} of commit {commit}; sources: {own[0].sources}; hash: {own[0].hash} -->"""
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", nargs="*", metavar="FOLDER=COMMIT@SEED", help="logs and tables of rows, and what drew them")
+    options = parser.parse_args()
+    with open(ANSWERS, newline="") as file:
+        answers = list(csv.DictReader(file))
+    rows = {(r.name, r.commit): r for r in rows_printed()}
+    for given in options.folders:
+        folder, drawn_by = given.split("=")
+        for row, own in rows_of(Path(folder), *drawn_by.split("@")):
+            rows = {key: r for key, r in rows.items() if r.name != row.name}
+            rows[row.name, row.commit] = row
+            answers = [a for a in answers if a["row"] != row.name] + own
+    rows = list(rows.values())
+    newest = [a for a in answers if a.get("names") is not None and "names" in a]
+    lines = ["""# What came out of every row that was drawn?
+
+Worlds of `docs/proof.md`, each row drawn once, beside other work on two cores. `docs/proof-answers.csv` has every answer, the misses too. The
+intervals are 95 %. Seconds of different rows are not to be compared: the machines were busy. Whether today's program still answers so is
+checked by `benchmarks/replay.py build/release/apps/rangecal`, which draws the first worlds of each row again.
+
+## What became of the worlds
+
+In % of the worlds of a row. "One name" is an answer of one set of names, all right and nothing else (of a clean world: no mismatch); "a set" is
+two to four sets that the recording cannot tell apart, the right one among them, with the mean number of sets. Beside and outside the
+catalogue (`outside`, `beside-unknown`) "in part or unexplained" is what is wanted, or part of it; of `absorbed`, "not seen". Rows with the
+largest share of wrong answers come first.
+"""]
+    lines += list(by_row(answers))
+    probabilities = list(by_probability(newest))
+    if probabilities:
+        drawn = sorted({a["row"] for a in newest if a.get("names")})
+        lines += [f"""
+## Are the probabilities of names what they say?
+
+All names given in the worlds of {', '.join(f'`{r}`' for r in drawn)}. A name counts as right if what was concealed is in the class that the
+probability is of: the name, its exact twins, and what replaces it in a set that the recording cannot tell apart.
+"""] + probabilities
+    text = "\n".join(lines + list(sections(rows))) + "\n"
+    PAGE.write_text(text)
+    fields = list(dict.fromkeys(key for answer in answers for key in answer))
+    with open(ANSWERS, "w", newline="") as file:
+        writer = csv.DictWriter(file, fields, restval="", lineterminator="\n")
         writer.writeheader()
-        writer.writerows(everything)
+        writer.writerows(answers)
 
 
 if __name__ == "__main__":

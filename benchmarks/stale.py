@@ -6,6 +6,7 @@ A table in README.md or docs has a line below it that says how it was made, on w
 
     <!-- table: COMMAND; sources: PATH...; hash: HEX -->
 
+A PATH after a "!" is left out of those before it. Comments and the layout of C++ do not count.
 `stale.py` lists the tables whose sources have changed, `--check` also ends with 1 if there is one. `--hash PATH...` prints
 the hash for a new line, `--at COMMIT` that of an older commit.
 """
@@ -40,21 +41,32 @@ def digest(files):
     return whole.hexdigest()[:16]
 
 
+def parted(paths):
+    """What is taken, and what is left out of it."""
+    return [p for p in paths if p[0] != "!"], tuple(p[1:] for p in paths if p[0] == "!")
+
+
+def is_under(name, folders):
+    return any(name == folder or name.startswith(folder + "/") for folder in folders)
+
+
 def files_here(paths):
-    for path in paths:
+    taken, left_out = parted(paths)
+    for path in taken:
         top = ROOT / path
         if not top.exists():
             sys.exit(f"stale.py: there is no {path}")
         for file in [top] if top.is_file() else top.rglob("*"):
-            if file.is_file() and file.suffix in CODE:
+            if file.is_file() and file.suffix in CODE and not is_under(str(file.relative_to(ROOT)), left_out):
                 yield str(file.relative_to(ROOT)), file.read_bytes()
 
 
 def files_at(commit, paths):
     def git(*arguments):
         return subprocess.run(["git", "-C", str(ROOT), *arguments], check=True, capture_output=True).stdout
-    for name in git("ls-tree", "-r", "--name-only", commit, "--", *paths).decode().splitlines():
-        if Path(name).suffix in CODE:
+    taken, left_out = parted(paths)
+    for name in git("ls-tree", "-r", "--name-only", commit, "--", *taken).decode().splitlines():
+        if Path(name).suffix in CODE and not is_under(name, left_out):
             yield name, git("show", f"{commit}:{name}")
 
 

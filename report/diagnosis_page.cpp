@@ -115,8 +115,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
   if (!d.explanations.empty())
     for (const auto& set : d.explanations[0].indistinguishable_from)
       twins.rows.push_back(
-          {ids_in_words(d.explanations[0].effects, " + ") + " or " + ids_in_words(set, " + "),
-           d.explanations[0].separated_by});
+          {app::rivals_in_words(d.explanations[0].effects, set), d.explanations[0].separated_by});
   for (const auto& set : d.twins) {
     std::string by;
     for (const std::string& id : set)  // in words for this recording where it has them

@@ -52,8 +52,12 @@ std::string before_after(const Diagnosis& d) {
 
 std::string parameters(const Diagnosis& d) {
   std::string text;
-  for (const ParameterRow& row : parameter_rows(d))
-    text += fmt::format("  {:<44} {}{}{}\n", row.name, row.value, row.unit.empty() ? "" : " ", row.unit);
+  const std::vector<ParameterRow> rows = parameter_rows(d);
+  std::size_t widest = 44;
+  for (const ParameterRow& row : rows) widest = std::max(widest, row.name.size());
+  for (const ParameterRow& row : rows)
+    text +=
+        fmt::format("  {:<{}} {}{}{}\n", row.name, widest, row.value, row.unit.empty() ? "" : " ", row.unit);
   return text;
 }
 
@@ -61,14 +65,15 @@ std::string parameters(const Diagnosis& d) {
 std::string names(const Diagnosis& d) {
   const std::vector<MemberRow> rows = member_rows(d);
   if (rows.size() < 2 && d.verdict == Verdict::explained) return "";
+  std::size_t widest = 24;
+  for (const MemberRow& row : rows) widest = std::max(widest, row.effect.size());
   std::string text;
-  for (const MemberRow& row : rows) {
-    if (text.empty())
-      text =
-          fmt::format("  {:<24}{:>12}{:>22}{:>22}\n", "", "probability", "nats lost without it", "held out");
-    text +=
-        fmt::format("  {:<24}{:>12}{:>22}{:>22}\n", row.effect, row.probability, row.evidence, row.held_out);
-  }
+  const auto add = [&](const std::string& name, const std::string& probability, const std::string& evidence,
+                       const std::string& held_out) {
+    text += fmt::format("  {:<{}}{:>12}{:>22}{:>22}\n", name, widest, probability, evidence, held_out);
+  };
+  if (!rows.empty()) add("", "probability", "nats lost without it", "held out");
+  for (const MemberRow& row : rows) add(row.effect, row.probability, row.evidence, row.held_out);
   return text;
 }
 
@@ -96,7 +101,7 @@ std::string cannot_tell_apart(const Diagnosis& d) {
   if (!d.explanations.empty()) {
     const Explanation& best = d.explanations[0];
     for (const auto& set : best.indistinguishable_from)
-      text += fmt::format("  {} or {}\n", ids_in_words(best.effects, " + "), ids_in_words(set, " + "));
+      text += "  " + wrapped(rivals_in_words(best.effects, set), 4, width) + "\n";
     if (!best.indistinguishable_from.empty() && !best.separated_by.empty())
       text += "    " + wrapped("told apart by: " + best.separated_by, 4, width) + "\n";
   }
@@ -107,8 +112,11 @@ std::string cannot_tell_apart(const Diagnosis& d) {
 std::string could_be_hidden(const Diagnosis& d) {
   std::string text;
   constexpr std::size_t most = 8;
-  for (std::size_t i = 0; i < d.unseen.size() && i < most; ++i) {
-    const Unseen& u = d.unseen[i];
+  constexpr double next_to_nothing_m = 1e-5;
+  std::size_t told = 0;
+  for (const Unseen& u : d.unseen) {  // the costliest come first
+    if (told == most || u.harm_m < next_to_nothing_m) break;
+    ++told;
     std::string line = fmt::format("{} ({}): costs {} mm RMS", id_in_words(u.effect), typical_in_words(u),
                                    millimetres(u.harm_m));
     line += u.detectable ? fmt::format("; would show {}", detectable_in_words(u))
@@ -116,9 +124,22 @@ std::string could_be_hidden(const Diagnosis& d) {
     if (!u.settled_by.empty()) line += "; " + u.settled_by;
     text += "  " + wrapped(line, 4, width) + "\n";
   }
-  if (d.unseen.size() > most)
-    text += fmt::format("  and {} more (--json lists all)\n", d.unseen.size() - most);
+  if (d.unseen.size() > told)
+    text += told > 0 ? fmt::format("  and {} more (--json lists all)\n", d.unseen.size() - told)
+                     : fmt::format("  {} that cost next to nothing (--json lists all)\n", d.unseen.size());
   return text;
+}
+
+/// A note on what cannot be judged, which may list most of the catalogue.
+std::string with_fewer_ids(const std::string& note) {
+  constexpr std::size_t most = 6;
+  const std::size_t list = note.rfind(": ");
+  if (!note.starts_with("cannot be judged") || list == std::string::npos) return note;
+  std::size_t end = list;
+  for (std::size_t i = 0; i < most && end != std::string::npos; ++i) end = note.find(", ", end + 1);
+  if (end == std::string::npos) return note;
+  const auto more = std::count(note.begin() + static_cast<std::ptrdiff_t>(end), note.end(), ',');
+  return more < 2 ? note : note.substr(0, end) + fmt::format(" and {} more (--json lists all)", more);
 }
 
 std::string do_next(const Diagnosis& d) {
@@ -173,7 +194,7 @@ std::string diagnosis_text(const Diagnosis& d) {
   text += section("Could be hidden", could_be_hidden(d));
   text += section("Do next", do_next(d));
   std::string notes;
-  for (const std::string& note : d.notes) notes += "  " + wrapped(note, 4, width) + "\n";
+  for (const std::string& note : d.notes) notes += "  " + wrapped(with_fewer_ids(note), 4, width) + "\n";
   return text + section("Notes", notes);
 }
 

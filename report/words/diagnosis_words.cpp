@@ -253,4 +253,18 @@ std::vector<ParameterRow> parameter_rows(const Diagnosis& d) {
   return rows;
 }
 
+std::string rivals_in_words(const std::vector<std::string>& names, const std::vector<std::string>& others) {
+  const auto less = [](std::vector<std::string> set, const std::vector<std::string>& common) {
+    std::erase_if(set, [&](const std::string& id) {
+      return std::find(common.begin(), common.end(), id) != common.end();
+    });
+    return set;
+  };
+  const std::vector<std::string> own = less(names, others), other = less(others, names);
+  const auto in_words = [](const std::vector<std::string>& ids) {
+    return ids.empty() ? std::string("nothing") : ids_in_words(ids, " + ");
+  };
+  return in_words(own) + " or " + in_words(other) + (own.size() < names.size() ? ", beside the others" : "");
+}
+
 }  // namespace rangecal::app

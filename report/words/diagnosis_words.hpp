@@ -46,6 +46,9 @@ std::vector<BeforeAfter> before_after_rows(const Diagnosis& diagnosis);
 /// "held out: 36 groups of trial": as many blocks of one size as they amount to; empty where nothing was held out.
 std::string held_out_in_words(const Diagnosis& diagnosis);
 
+/// "a or b, beside the others": a set of names and another one that the recording cannot tell from it, by what they do not have in common.
+std::string rivals_in_words(const std::vector<std::string>& names, const std::vector<std::string>& others);
+
 /// A law as a user reads it.
 struct LawRow {
   std::string formula, evidence;        ///< "12.3 nats above the answer without a law"

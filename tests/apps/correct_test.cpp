@@ -359,6 +359,57 @@ TEST_F(CorrectCommand, SaysThatAnEffectOnALandmarkWithoutALabelIsNotUndone) {
   EXPECT_THAT(listed.out, HasSubstr("1.1,1.940000,"));  // (1.1 - 0.03 - 0.1) / 0.5
 }
 
+/// Of `device_offset`: all of its parameters.
+std::map<std::string, double> offset_of_second(double offset_m) {
+  std::map<std::string, double> parameters;
+  for (int l = 1; l <= 12; ++l) parameters["offset_" + std::to_string(l) + "_m"] = l == 1 ? offset_m : 0.0;
+  return parameters;
+}
+
+TEST_F(CorrectCommand, ADeviceThatTheCalibrationDoesNotKnowIsFlagged) {
+  Calibration calibration = line();
+  calibration.kind = RecordingKind::pairs;
+  calibration.labels = {"A", "B"};
+  calibration.effects["device_offset"] = offset_of_second(0.03);
+  const std::string json = save(calibration);
+  const RunResult result = run("correct " + json, "range_m,landmark\n1.1,A\n1.1,B\n1.1,C\n1.1,D\n");
+  EXPECT_EQ(
+      result.out,
+      "reading_m,distance_m,std_m,candidate,flag\n1.1,2.000000,0.020000,1,ok\n1.1,1.940000,0.020000,1,ok\n"
+      "1.1,2.000000,0.020000,1,extrapolated_column\n1.1,2.000000,0.020000,1,extrapolated_column\n");
+  EXPECT_THAT(result.err,
+              HasSubstr("rangecal: 2 of 4 readings are of a landmark or device that the calibration does not "
+                        "know, first 'C' in row 4; it knows A, B: extrapolated_column\n"));
+  // An effect on one landmark says of every other that it does nothing there.
+  calibration.effects = {{"target_reflectance", {{"amplitude_m", 0.03}, {"landmark", 1.0}, {"power", 0.0}}}};
+  const RunResult one = run("correct " + save(calibration), "range_m,landmark\n1.1,C\n");
+  EXPECT_THAT(one.out, HasSubstr("1.1,2.000000,0.020000,1,ok\n"));
+}
+
+TEST_F(CorrectCommand, NamesAllColumnsThatAreMissing) {
+  Calibration calibration = line();
+  calibration.kind = RecordingKind::pairs;
+  calibration.labels = {"A", "B"};
+  calibration.effects["device_offset"] = offset_of_second(0.03);
+  calibration.effects["range_scale"] = {{"scale", 0.01}, {"form", 1.0}};
+  const RunResult result = run("correct " + save(calibration), "range_m\n1.1\n");
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(
+      result.err,
+      HasSubstr("column 'landmark': is missing: the calibration's effect device_offset needs it to be "
+                "undone; so is 'temperature_c' for range_scale"));
+}
+
+TEST_F(CorrectCommand, SaysThatOutliersAreNotKnown) {
+  Calibration calibration = line();
+  calibration.effects["late_return"] = {{"share", 0.04}, {"excess_m", 0.3}};
+  const RunResult result = run("correct " + save(calibration), "1.1\n");
+  EXPECT_THAT(
+      result.err,
+      HasSubstr("it found outliers (late_return) in 4 % of its readings; which ones here are such is not "
+                "known, and std_m is that of the others\n"));
+}
+
 TEST_F(CorrectCommand, ATextInAColumnThatAnEffectNeedsIsNamed) {
   Calibration calibration = line();
   calibration.effects["range_eccentricity"] = {{"cosine_m", 0.02}, {"sine_m", 0.0}};

@@ -50,6 +50,19 @@ def test_comments_and_layout_of_a_source_make_no_table_stale(source, tmp_path):
     assert digest('int a = 1\'001; const char* s = "// not a comment";\n') != plain
 
 
+def test_what_is_left_out_of_a_folder_makes_no_table_stale(source, tmp_path):
+    (tmp_path / "benchmarks").mkdir()
+    shutil.copy(source / "benchmarks" / "stale.py", tmp_path / "benchmarks")
+    for name in ("a/b/c.cpp", "a/bc.cpp"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("int a;")
+    before = stale(tmp_path, "--hash", "a", "!a/b").stdout
+    (tmp_path / "a/b/c.cpp").write_text("int b;")
+    assert stale(tmp_path, "--hash", "a", "!a/b").stdout == before
+    (tmp_path / "a/bc.cpp").write_text("int b;")
+    assert stale(tmp_path, "--hash", "a", "!a/b").stdout != before
+
+
 def test_sources_that_are_not_there_are_refused(source):
     result = stale(source, "--hash", "nowhere")
     assert result.returncode == 1 and result.stderr == "stale.py: there is no nowhere\n"

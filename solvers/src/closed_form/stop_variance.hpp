@@ -18,16 +18,16 @@ struct StopVariance {
   double along(const Eigen::Vector2d& u) const {
     return P(0, 0) * u.x() * u.x() + 2.0 * P(0, 1) * u.x() * u.y() + P(1, 1) * u.y() * u.y();
   }
-  /// Variance of the distance from a line of sight to what is d away on it [m^2]; `across` is (sin phi, -cos
-  /// phi), phi its direction: an error of the heading moves the line by -d e_h there (2021 eq. 24 with the
-  /// stop's own part).
+  /// Variance [m^2] of the perpendicular offset, at distance d, of a line of sight drawn from the commanded pose, from the stop's error
+  /// alone (2021 eq. 24 without the bearing's noise). `across` = (sin phi, -cos phi); an error e_h of the heading contributes -d e_h.
   double off_line(const Eigen::Vector2d& across, double d) const {
     return along(across) - 2.0 * d * (P(0, 2) * across.x() + P(1, 2) * across.y()) + d * d * P(2, 2);
   }
 };
 
-/// P after a further step of a random walk: the step's own covariance, with sigma_xy as given, is turned into
-/// the world by the commanded heading of the stop before and added.
+/// Covariance after one more step of a random walk. That of the step, with sigma_xy as given and turned into the world's frame by the
+/// previous commanded heading where it has a shape, is added; a turn on the spot adds no error of the position; without `turns_add_up` the
+/// heading's error is that of this step alone. What an earlier error of the heading does to later positions is left out.
 inline Eigen::Matrix3d after_step(const Eigen::Matrix3d& before, const StopPrior& step, double sigma_xy_m,
                                   double heading_before_rad) {
   Eigen::Matrix3d P = covariance_of(step, sigma_xy_m);
@@ -46,7 +46,8 @@ inline Eigen::Matrix3d after_step(const Eigen::Matrix3d& before, const StopPrior
   return sum;
 }
 
-/// Of every stop; along a random walk the covariances of the steps add up.
+/// Covariance of every stop; `sigma_s_m` replaces the sigma_xy of stops without a covariance of their own. Stops of one place share its
+/// position error; along a random walk the covariances of the steps add up.
 inline std::vector<StopVariance> stop_variances(const JointProblem& problem,
                                                 std::optional<double> sigma_s_m) {
   std::vector<StopVariance> variances(problem.stops.size());

@@ -61,16 +61,22 @@ std::vector<std::string> numeric_columns(const CsvTable& table) {
   return names;
 }
 
-/// Throws InputError for the first column that an effect needs and the table lacks; a stop stands for its heading.
+/// Throws InputError for the columns that effects need and the table lacks; a stop stands for its heading.
 void require_columns(const Calibration& calibration, const CsvTable* table, const std::string& name,
                      const std::vector<EffectCorrector::Need>& needs) {
+  std::vector<const EffectCorrector::Need*> missing;  // one of each column
   for (const EffectCorrector::Need& need : needs) {
     const bool by_stop =
         need.column == "heading_rad" && table && table->find("stop") && !calibration.stops.empty();
     if (by_stop || (table && table->find(need.column))) continue;
-    throw InputError(name, 1, need.column,
-                     "is missing: the calibration's effect " + need.effect + " needs it to be undone");
+    if (std::none_of(missing.begin(), missing.end(), [&](const auto* m) { return m->column == need.column; }))
+      missing.push_back(&need);
   }
+  if (missing.empty()) return;
+  std::string why = "is missing: the calibration's effect " + missing[0]->effect + " needs it to be undone";
+  for (std::size_t i = 1; i < missing.size(); ++i)
+    why += "; so is '" + missing[i]->column + "' for " + missing[i]->effect;
+  throw InputError(name, 1, missing[0]->column, why);
 }
 
 /// Those of which a reading has a member of its own; any other is a covariate.

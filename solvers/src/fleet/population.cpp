@@ -38,7 +38,7 @@ struct Pass {
   std::int64_t kept = 0, left_out = 0;
 };
 
-/// p-value of a unit at (mu, Sigma), with what EM needs of it.
+/// E-step of one unit at (mu, Sigma): posterior mean and covariance of its theta, squared Mahalanobis distance of its estimate from mu, and its marginal log likelihood.
 struct Step {
   VectorXd m;
   MatrixXd V;
@@ -92,8 +92,9 @@ Pass pass_over(const UnitStream& units, const Scale& scale, const VectorXd& mu, 
   return pass;
 }
 
-/// Median of one coordinate, from a histogram refined in passes: the start must not follow outliers.
-VectorXd medians(const UnitStream& units, const VectorXd& low, const VectorXd& high, double share) {
+/// The quantile `share` of every coordinate, from a histogram refined in five passes: outliers do not move the start of EM.
+VectorXd quantiles_of_units(const UnitStream& units, const VectorXd& low, const VectorXd& high,
+                            double share) {
   VectorXd a = low, b = high;
   const Eigen::Index p = a.size();
   for (int pass = 0; pass < 5; ++pass) {
@@ -208,9 +209,9 @@ Population population_of(const UnitStream& stream, const PopulationOptions& opti
   // Start: medians, and the middle two thirds as two standard deviations, widened.
   const VectorXd slack = 1e-9 * (high - low).cwiseAbs() + VectorXd::Constant(p, 1e-12);
   Scale scale;
-  scale.origin = medians(units, low - slack, high + slack, 0.5);
-  scale.unit = 0.5 * (medians(units, low - slack, high + slack, 0.8413) -
-                      medians(units, low - slack, high + slack, 0.1587));
+  scale.origin = quantiles_of_units(units, low - slack, high + slack, 0.5);
+  scale.unit = 0.5 * (quantiles_of_units(units, low - slack, high + slack, 0.8413) -
+                      quantiles_of_units(units, low - slack, high + slack, 0.1587));
   scale.unit = scale.unit.cwiseMax(slack);
   VectorXd mu = VectorXd::Zero(p);
   MatrixXd Sigma = 4.0 * MatrixXd::Identity(p, p), V_mu = MatrixXd::Zero(p, p);

@@ -18,8 +18,8 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-// Standard deviations of an innovation: beyond the first nothing linear holds, the state stays where it is; beyond the
-// second squares and their sums are no numbers any more.
+// Innovations beyond farthest_followed standard deviations leave the state alone, for the linearisation does not hold there; beyond
+// farthest_counted the reading is of no use, since its square overflows.
 constexpr double farthest_followed = 1e3, farthest_counted = 1e100;
 
 }  // namespace

@@ -26,10 +26,20 @@ std::vector<double> every_kth(const std::vector<double>& values) {
 
 /// The kernel's specialisation for a law of one sigma; power0 stands for the polynomial, which never streams.
 KernelLaw kernel_law(NoiseLaw law) {
-  if (form_of(law).power_of_d == 2) return KernelLaw::d_squared;
-  constexpr KernelLaw by_power[] = {KernelLaw::power0, KernelLaw::power1, KernelLaw::power2,
-                                    KernelLaw::power3};
-  return by_power[form_of(law).power_of_f];
+  switch (law) {
+    case NoiseLaw::f:
+      return KernelLaw::power1;
+    case NoiseLaw::f_squared:
+      return KernelLaw::power2;
+    case NoiseLaw::f_cubed:
+      return KernelLaw::power3;
+    case NoiseLaw::d_squared:
+      return KernelLaw::d_squared;
+    case NoiseLaw::constant:
+    case NoiseLaw::polynomial:
+      break;
+  }
+  return KernelLaw::power0;
 }
 
 }  // namespace

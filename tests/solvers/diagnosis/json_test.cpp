@@ -169,6 +169,27 @@ TEST(VerdictSentence, SaysLightTailsPlacesAndStopsAsTheyAre) {
   EXPECT_THAT(verdict_sentence(d), HasSubstr("4 mm RMS in range by stops off their place along stop"));
 }
 
+TEST(VerdictSentence, SaysWhatRivalsHaveInPlaceOfWhat) {
+  Diagnosis d;
+  d.verdict = Verdict::explained;
+  d.final_effects = {"quantisation", "heading_drift", "tilt"};
+  d.explanations.resize(1);
+  auto& rivals = d.explanations[0].indistinguishable_from;
+  rivals = {{"bearing_drift", "quantisation", "tilt"},
+            {"path_curvature", "quantisation", "tilt"},
+            {"heading_drift", "quantisation"}};
+  EXPECT_EQ(
+      verdict_sentence(d),
+      "Explained by heading_drift, tilt and quantisation (or bearing_drift or path_curvature in place of heading_drift, or "
+      "nothing in place of tilt: this recording cannot tell).");
+  rivals = {{"lever_arm", "settling"}};  // nothing in common
+  EXPECT_THAT(verdict_sentence(d), HasSubstr(" (or lever_arm and settling: this recording cannot tell)"));
+  d.final_effects = {"heading_drift"};
+  rivals = {{"bearing_drift"}, {"path_curvature"}};
+  EXPECT_THAT(verdict_sentence(d),
+              HasSubstr(" (or bearing_drift or path_curvature: this recording cannot tell)"));
+}
+
 TEST(DiagnosisJson, NothingThatIsNotANumberIsWritten) {
   Diagnosis d;
   d.baseline.alpha = d.corrected.alpha = Eigen::Vector2d(0.0, 1.0);

@@ -7,7 +7,7 @@
 namespace rangecal {
 
 /// How the standard deviation s [m] of a range reading depends on the true distance d [m] through f = f(d). What each is
-/// made of stands in `form_of` alone: a law of other powers is one line here and one there.
+/// made of stands in `form_of`; what else a new law needs is in CONTRIBUTING.md.
 enum class NoiseLaw {
   constant,   ///< s = sigma                    (H0 of Alhashimi 2016, eq. 10)
   f,          ///< s = sigma |f|                (H1)

@@ -23,10 +23,10 @@ constexpr double hidden = 3.0;         ///< nats that these gain together beyond
 
 const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
-using Key = std::vector<std::string>;  ///< ids, sorted
+using Key = std::vector<std::string>;  ///< member names, sorted
 
-/// True if a block of columns says nothing beside others: of the information of one of them they leave 1e-4, or 1e-2 of all. Scores are
-/// those of a problem that is not linear, off by a few per cent, and that of a hundredth is a tenth of the block's own.
+/// True if other columns explain a block: one column keeps less than 1e-4 of its information, or every column less than 1e-2. At 1e-2 a tenth
+/// of the score is left, near the few per cent by which the linearisation is off.
 bool is_spanned(const Eigen::VectorXd& left, const Eigen::VectorXd& own) {
   constexpr double none_of_one = 1e-4, little_of_all = 1e-2;
   return !(left.array() > none_of_one * own.array()).all() ||
@@ -153,11 +153,11 @@ class LinearSearch {
     }
   }
 
-  /// Of every member, its block that fits best beside a set: gain less what its parameters roughly cost [nats], and number.
+  /// Per member its best block beside a set: gain [nats], of a curve less the cost of its size and choice; number of the block.
   using Additions = std::map<std::string, std::pair<double, int>>;
 
-  /// The likeliest sets with two names more, of which neither need be worth anything alone: one may hide the other. `half`, `left`:
-  /// of `add_to`.
+  /// Adds the pairs of names that gain most together, more than `hidden` beyond the sum of their single gains: one may hide the other.
+  /// `half`, `left`: of `add_to`.
   void add_pairs(const std::vector<int>& blocks, const Additions& best, const Eigen::MatrixXd& half,
                  const Eigen::VectorXd& left) {
     std::vector<std::pair<double, int>> names;
@@ -200,7 +200,7 @@ class LinearSearch {
     }
   }
 
-  /// Keeps the likeliest sets with one member more; `pairs`: with two, too. The likeliest with one name more.
+  /// Keeps the likeliest sets with one member more (`pairs`: with two names, too). Returns the likeliest with one name more.
   std::optional<LinearSet> add_to(const std::vector<int>& blocks, bool pairs = false) {
     const Key has = key_of(blocks);
     const Normal mine = normal_of(blocks);
@@ -281,7 +281,7 @@ class LinearSearch {
       set.blocks = std::move(blocks);
       return set;
     }
-    set.gain = k > 0 ? 0.5 * g.dot(theta) : 0.0;  // of curves: less what their prior takes
+    set.gain = k > 0 ? 0.5 * g.dot(theta) : 0.0;  // the priors' part included
     double volume = 0.0;
     Eigen::VectorXd wide(k);  // least precise that a parameter can be
     Eigen::Index at = 0;

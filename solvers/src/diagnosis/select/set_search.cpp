@@ -27,7 +27,8 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr std::size_t most_of_a_kind = 4;  ///< names of spreads, of tails, of dependence tried beside a set
-/// Linearisations, and sets beside the likeliest that are scanned too; fewer of many cells, whose fits are slow.
+/// Rounds of the search, and how many of the likeliest sets, the likeliest included, are scanned; fewer where there are many cells, whose
+/// fits are slow.
 constexpr int most_rounds = 12, most_rounds_of_many = 6;
 constexpr std::size_t most_close = 4, most_close_of_many = 1;
 constexpr int many_cells = 500;
@@ -36,22 +37,24 @@ constexpr double close_by = 4.0;
 /// Sets of the linearised problem that are fitted, so many at a time, and how far below the likeliest of their size [nats].
 constexpr std::size_t most_of_sets = 10, sets_at_a_time = 4;
 constexpr double fitted_window = 8.0;
-/// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
+/// Nats by which a fit may miss its predicted gain before it is taken for a wrong optimum.
 constexpr double fell_short = 2.0;
-/// Nats by which a fit may gain less than one with some of its members: it is no optimum, since the others may be nothing.
+/// Nats by which a fit may gain less than that of a subset before it is taken for a wrong optimum: the other members could be nothing.
 constexpr double stuck_below = 1.0;
 constexpr int most_fits = 3;  ///< of one set
 /// Nats that a member may be worth for the set without it to be fitted on the way: dropping it may pay.
 constexpr double most_lost = 60.0;
-/// Times that the likeliest set is completed by its subsets, one of which may become the likeliest.
+/// Rounds in which the subsets of the likeliest set with one member less are fitted; one may become the likeliest.
 constexpr int most_completions = 3;
 /// What an exact fit and refining have added to a gain at most: nats, and a share of the gain.
 constexpr double refining_adds = 5.0, refining_share = 0.2;
 /// Nats below the likeliest set down to which the sets that lack one of its members are refined too.
 constexpr double near_the_top = 15.0;
+/// Nats by which other optima make a set likelier, for it to be scanned once more.
+constexpr double worth_another_scan = 2.0;
 constexpr double likelier = 0.01;  ///< nats by which a fit replaces another of the same set
-/// Of the alarm rate, the share below which the questions raise the alarm alone; above it some set has to be likelier than none, too.
-constexpr double beyond_chance = 0.1;
+/// Below this share of the alarm rate the battery raises the alarm alone; above it some set has to be likelier than none, too.
+constexpr double alarm_alone_share = 0.1;
 
 using Names = std::vector<std::string>;
 
@@ -140,8 +143,8 @@ class SetSearch {
   /// A set to be fitted from its parameters.
   struct Wanted {
     Model model;
-    double predicted_gain = 0.0;              ///< gain [nats]
-    double log_posterior = 0.0;               ///< of a set of the linearised problem, as predicted [nats]
+    double predicted_gain = 0.0;  ///< total gain over the root, by the linearised problem or a score [nats]
+    double log_posterior = 0.0;   ///< of a set of the linearised problem, as predicted [nats]
     std::shared_ptr<Effect> curve = nullptr;  ///< asked for by residuals, in the model
     bool refine = false;                      ///< other optima are looked for
     std::optional<Fit> fit = std::nullopt;    ///< where it is fitted already
@@ -289,7 +292,7 @@ class SetSearch {
     return wanted;
   }
 
-  /// Of a set with several names on means, each of these alone beside all else: what its formula is off by may be what the
+  /// Of a set with three names or more on means, each of these alone beside all else: what its formula is off by may be what the
   /// others describe.
   std::vector<Wanted> names_alone(const Hypothesis& here) {
     Model names, others;
@@ -348,7 +351,8 @@ class SetSearch {
     return best;
   }
 
-  /// Of every effect with many optima that is new, one set: others start where that has it.
+  /// Marks, for every effect with many optima that is new here, the set of highest predicted gain to be refined; other sets then start from
+  /// its optimum.
   void choose_what_is_refined(const Hypothesis& here, std::vector<Wanted>& wanted) const {
     std::map<const Effect*, Wanted*> most;
     for (Wanted& w : wanted)
@@ -388,22 +392,21 @@ class SetSearch {
           auto better = std::make_unique<Hypothesis>(*open[i]);
           refine(better->fit);
           better->refined = true;
-          if (!reason_against(*better)) made[i] = std::move(better);
+          if (!fill_posterior(*better)) made[i] = std::move(better);
         },
         jobs_at_once(rows_.size()));
     bool any = false;
     for (std::size_t i = 0; i < open.size(); ++i) {
       open[i]->refined = true;
       any = any || (made[i] && made[i]->log_posterior > open[i]->log_posterior + likelier);
-      if (made[i]) made[i]->scanned = made[i]->log_posterior < open[i]->log_posterior + fell_short;
+      if (made[i]) made[i]->scanned = made[i]->log_posterior < open[i]->log_posterior + worth_another_scan;
     }
     keep(std::move(made));
     return any;
   }
 
-  /// A gain on the linearised problem, whose noise is held, with the noise fitted anew: of N readings in all channels, whose
-  /// squares sum to N under the noise of the fit, 2 gain are taken away, and -N/2 ln(1 - 2 gain / N) nats are gained. Of N
-  /// in one channel it is exact, of a change of one of two channels too little.
+  /// A gain on the linearised problem, which holds the noise, with the noise fitted anew: N readings gain -N/2 ln(1 - 2 gain / N) nats.
+  /// Exact for one channel; too little if only one of two channels changes.
   double gain_with_its_own_noise(double gain) const {
     constexpr double most = 0.99;  // of the squares: beyond it nothing is linear
     const double readings = static_cast<double>(rows_.size() * (rows_.reads_bearings() ? 2 : 1));
@@ -437,7 +440,8 @@ class SetSearch {
     std::map<std::size_t, double> likeliest_of_size;
     const double top = likeliest().log_posterior;
     for (const LinearSet& set : sets) {
-      // Far from the truth only the next few steps can be believed: the likeliest sets of every size, too.
+      // Gains on the linearised problem can be believed for a few steps only: sets are compared within their size, and kept if they may
+      // reach the likeliest.
       const double more = set.gain - own.gain, rescaled = gain_with_its_own_noise(more);
       const double log_posterior =
           here.log_posterior + set.log_posterior - own.log_posterior + rescaled - more;
@@ -449,8 +453,8 @@ class SetSearch {
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
       const bool again =
           known && (names.empty() || known->gain > gain - fell_short || known->fits >= most_fits);
-      // One member more that is not worth its price changes no name and next to no probability. Of one whose place or period was
-      // tried on a grid the fit is worth more.
+      // A larger set whose additional members are not worth their prior is not fitted, unless the place or period of a new one was only taken
+      // from a grid (may_add).
       const bool larger = std::includes(names.begin(), names.end(), mine.begin(), mine.end());
       const double may_add =
           has_new_optima(model, here.fit.model) ? refining_adds + refining_share * more : 0.0;
@@ -467,7 +471,7 @@ class SetSearch {
     return wanted;
   }
 
-  /// The curves of the channels' means and spreads of the largest predicted gain for their parameters, of what cannot be chance.
+  /// Per channel the curve whose gain exceeds the price of its parameters by most, if its corrected p is below `chance`.
   void add_curves(const Hypothesis& here, const Battery& battery, std::vector<Wanted>& wanted) const {
     constexpr double chance = 0.05;  // corrected p
     const double per_parameter = price_of_curve_parameter(rows_);
@@ -518,8 +522,9 @@ class SetSearch {
       const EffectInfo& info = p.effect->info();
       if (info.kind == EffectKind::mean) continue;
       if (channel_is_on_grid(known_, info.channel)) continue;  // it is judged by its means alone
-      const bool by_value = info.kind != EffectKind::noise;    // then it may gain more than its test says
-      if ((by_value ? credible_gain(p) : p.predicted_gain) < -price) continue;
+      const bool exact_fit_may_gain_more =
+          info.kind != EffectKind::noise;  // then it may gain more than its test says
+      if ((exact_fit_may_gain_more ? credible_gain(p) : p.predicted_gain) < -price) continue;
       if (taken[info.kind]++ >= most_of_a_kind) continue;
       Model larger = here.fit.model;
       larger.push_back({p.effect, p.start});
@@ -542,7 +547,7 @@ class SetSearch {
       made->fit = refit(rows_, wanted.model, start, options_);
       if (made->fit.ok && root_nll_ - made->fit.nll < wanted.predicted_gain - fell_short)
         start_elsewhere(wanted.model, made->fit);
-      if (is_stuck(made->fit)) start_from_largest_within(wanted.model, *made);
+      if (gains_less_than_subset(made->fit)) start_from_largest_within(wanted.model, *made);
     }
     const double gain = root_nll_ - made->fit.nll;
     if (made->fit.ok && wanted.refine && gain + refining_adds + refining_share * gain > top_gain_) {
@@ -551,16 +556,16 @@ class SetSearch {
     }
     made->predicted_gain = wanted.predicted_gain;
     made->parent = names_of(here);
-    own(here.curves, *made);
+    keep_alive(here.curves, *made);
     if (wanted.curve) made->curves.push_back(wanted.curve);
-    const char* against = made->fit.ok ? reason_against(*made) : "its fit has no end";
+    const char* against = made->fit.ok ? fill_posterior(*made) : "its fit did not converge";
     if (against && tells_outcomes())
       tell_of_refused(names_of(*made), made->parent,
                       against + (made->fit.reason.empty() ? "" : ": " + made->fit.reason));
     return against ? nullptr : std::move(made);
   }
 
-  /// From where the seed model has the stops and landmarks, and likelier sets have the places and periods.
+  /// From the stops and landmarks of the seed model, and the places and periods of the likeliest refined sets that hold the effects.
   void start_elsewhere(Model model, Fit& fit) const {
     for (std::size_t i = known_count(); i < model.size(); ++i) {
       const Hypothesis* other = has_many_optima(*model[i].effect) ? refined_with(model[i].effect) : nullptr;
@@ -572,7 +577,7 @@ class SetSearch {
     if (again.ok && again.nll < fit.nll) fit = std::move(again);
   }
 
-  static void own(const std::vector<std::shared_ptr<Effect>>& curves, Hypothesis& h) {
+  static void keep_alive(const std::vector<std::shared_ptr<Effect>>& curves, Hypothesis& h) {
     for (const auto& curve : curves)
       if (std::find(h.curves.begin(), h.curves.end(), curve) == h.curves.end()) h.curves.push_back(curve);
   }
@@ -589,8 +594,8 @@ class SetSearch {
     return *most;
   }
 
-  /// True of a fit that gains less than one with some of its members.
-  bool is_stuck(const Fit& fit) const {
+  /// True if a fit gains less than that of a set with some of its members.
+  bool gains_less_than_subset(const Fit& fit) const {
     const double gain = fit.ok ? root_nll_ - fit.nll : -std::numeric_limits<double>::infinity();
     return gain < largest_within(member_names(fit.model, known_count())).gain - stuck_below;
   }
@@ -615,23 +620,21 @@ class SetSearch {
     Fit again = refit(rows_, model, within.fit.state, options_);
     if (!again.ok || (made.fit.ok && again.nll > made.fit.nll)) return;
     made.fit = std::move(again);
-    own(within.curves, made);
+    keep_alive(within.curves, made);
   }
 
   /// Fits sets anew that gain less than a set with some of their members, fitted since, and would come near the likeliest if they gained
   /// as much. False if there are none.
   bool free_the_stuck() {
-    Hypothesis& top = likeliest();
-    std::vector<Wanted> stuck;
+    const double top = likeliest().log_posterior;
+    std::vector<const Hypothesis*> stuck;
     for (const auto& h : table_) {
       const double lost = largest_within(names_of(*h)).gain - h->gain;
-      if (lost > stuck_below && h->fits < most_fits &&
-          h->log_posterior + lost > top.log_posterior - near_the_top)
-        stuck.push_back({h->fit.model});
+      if (lost > stuck_below && h->fits < most_fits && h->log_posterior + lost > top - near_the_top)
+        stuck.push_back(h.get());
     }
-    if (stuck.empty()) return false;
-    fit_all(top, std::move(stuck));
-    return true;
+    for (const Hypothesis* h : stuck) fit_all(*h, {{h->fit.model}});  // each holds its own curves
+    return !stuck.empty();
   }
 
   void refine(Fit& fit) const {
@@ -655,8 +658,8 @@ class SetSearch {
     return rows_.sequence.empty() && dependence_of(model).range_correlation != 0.0 && has_tails(model);
   }
 
-  /// Works out the four terms of a fit's posterior. Why the set is not compared, if it is not; else null.
-  const char* reason_against(Hypothesis& h) const {
+  /// Fills the four terms of the log posterior and their sum. Why the set is left out, if it is; else null.
+  const char* fill_posterior(Hypothesis& h) const {
     if (!has_settings_for(h.fit)) return "too few settings for its parameters";
     if (mixes_tails_and_repeats(h.fit.model))
       return "tails beside repeats that hang together have no likelihood";
@@ -749,7 +752,7 @@ SearchedSets searched(const Rows& rows, const Bookkeeping& known, const Diagnose
   if (options.progress) options.progress("searching for causes", 0.3);
   SetSearch search(rows, all.root, known, all.result.rates, all.refit_options, priors);
   all.table = search.run(without_law(start.fit.model), start.curves);
-  const bool weak = all.result.alarm_p >= beyond_chance * options.alarm_rate && known.model.empty();
+  const bool weak = all.result.alarm_p >= alarm_alone_share * options.alarm_rate && known.model.empty();
   if (weak && all.table.front()->fit.model.empty()) {
     all.result.known.notes.push_back(fmt::format(
         "the questions asked of the residuals have p = {:.2g}, but no set of causes, named or not, is likelier than none",
@@ -766,7 +769,7 @@ SearchResult search_by_sets(const Rows& rows, const Bookkeeping& known, const Di
   const SelectionPriors priors;
   SearchedSets found = searched(rows, known, options, priors);
   if (found.table.empty()) return std::move(found.result);
-  // The law of the noise was chosen beside no cause: another may be due beside those that were found.
+  // The law of the noise was chosen with no cause in the model: with these another may fit better.
   const Hypothesis& likeliest = *found.table.front();
   if (const auto law = law_beside(rows, likeliest.fit, options, found.refit_options)) {
     if (tells_outcomes())

@@ -10,8 +10,8 @@
 
 namespace rangecal::diagnosis {
 
-/// All sets that were fitted, the likeliest first; the first of them all is the root, the seed model with what
-/// bookkeeping found.
+/// All sets that were fitted, among them the root: the seed model with what bookkeeping found. The likeliest stands first once the search is
+/// over; while it runs, the root does.
 using Hypotheses = std::vector<std::unique_ptr<Hypothesis>>;
 
 /// Searches for the set of members of highest posterior probability beside the root, the seed model with what bookkeeping

@@ -11,7 +11,7 @@
 
 namespace rangecal {
 
-/// The weight of a line of sight. With R repeats in the cell, d the measured distance to the axis:
+/// How a cell's line of sight is weighted. R: its repeats; d: measured distance to the axis; var(d~): variance of its mean range.
 enum class BearingWeights {
   paper,      ///< 1 / var(d~)                                   (2021 eq. 20, 22)
   printed,    ///< sigma_s^2 + sigma_theta^2 / var(d~)           (eq. 25 as printed: mixes a variance with a
@@ -42,12 +42,13 @@ struct LandmarkFromBearings {
 };
 
 struct LandmarksFromBearings {
-  Outcome outcome = Outcome::failed;  ///< converged; unobservable (some are not); too_few_data (none is)
+  Outcome outcome = Outcome::
+      failed;  ///< converged: all landmarks; unobservable: one or more are not determined; too_few_data: no cells
   std::string reason;
   std::vector<LandmarkFromBearings> landmarks;  ///< one per landmark of the problem
   double sigma_theta_rad = 0.0;                 ///< used in the weights and covariances
   bool sigma_theta_estimated = false;
-  std::vector<double> cell_weights;  ///< W, of every cell's line of sight; of one landmark up to a factor
+  std::vector<double> cell_weights;  ///< W of the cells; only ratios within one landmark matter
 };
 
 /// Landmark axes from bearings seen from the commanded stops (2021 eq. 18-25). With the world direction
@@ -57,9 +58,8 @@ struct LandmarksFromBearings {
 /// rows of H (sin phi, -cos phi), b = sin phi x - cos phi y. The residual's variance is
 /// sigma_s^2 + (sigma_theta^2 / R + sigma_h^2) d^2 (24, derived; the paper has var(d~) for d^2).
 ///
-/// Under a random walk sigma_s^2 and sigma_h^2 are those accumulated up to the stop (their correlation is not
-/// used), but the test for parallel lines takes those of one step: what the stops share does not turn lines
-/// apart.
+/// Under a random walk the stop's covariance is that accumulated up to it (closed_form/stop_variance.hpp); errors that stops share are
+/// treated as independent. The test for parallel lines takes that of one step: a shared error turns all lines alike.
 ///
 /// var(d~), needed by `paper` and `printed`: of the mean of the cell, from its repeats (R >= 2); elsewhere
 /// c d^4 / R with c the mean of var / d^4 over the cells that have repeats, c = 1e-4 m^-2 where none has (for
@@ -70,10 +70,10 @@ struct LandmarksFromBearings {
 /// accounted for); once where the first estimate leaves no landmark.
 ///
 /// A landmark is unobservable when its lines are parallel: seen from one place, in line with the path, or so
-/// nearly that the spread of the lines' directions is below 1.5 times what sigma_theta and sigma_s alone
-/// would make of parallel lines; its reason names the direction along the lines. Where they spread further than the
-/// spread within the cells would make of them, and sigma_theta has grown with what the lines miss each other by, the
-/// reason says that they do not meet: a path that drifted, or bearings in disorder. Cost: linear in the cells.
+/// nearly that the spread of the lines' directions is below 1.5 times what sigma_theta, sigma_s and sigma_h alone
+/// would make of parallel lines; its reason names the direction along the lines. If the directions do differ by more than the noise of the
+/// repeats explains, and only the enlarged sigma_theta hides that, the reason says that the lines do not meet: a path that drifted, or
+/// bearings mixed up. Cost: linear in the cells.
 LandmarksFromBearings landmarks_from_bearings(const JointProblem& problem,
                                               const BearingOptions& options = {});
 

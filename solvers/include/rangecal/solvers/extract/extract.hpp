@@ -26,7 +26,7 @@ ArcRule arc_rule_from_string(const std::string& text);  ///< throws InputError n
 
 /// What tells the stops of a log apart.
 enum class StopSplit {
-  automatic,  ///< labels if the scans have any; files if there are as many as stops, and several; else standing
+  automatic,  ///< stop labels if the scans have any; else one file a stop if there are several files and as many as stops; else standing
   label,      ///< the column `stop` of the scans
   file,       ///< each file is a stop
   scan,       ///< each scan is a stop
@@ -48,13 +48,14 @@ struct ExtractOptions {
   ArcRule arc = ArcRule::nearest;
   StopSplit split = StopSplit::automatic;
   StandOptions stand;
-  AssociationOptions association;   ///< error model and sigmas are those of the recording too
+  AssociationOptions association;   ///< for matching; its error model and sigmas are also written into the recording
   double support = 0.5;             ///< share of a stop's scans in which a landmark must be found
   bool clockwise = false;           ///< bearings of the scans run clockwise
   std::vector<MappedLandmark> map;  ///< known landmarks; empty: found, named L1, L2, ...
 };
 
-/// Columns of the recording: how uncertain the fitted circle has a reading, no physics of its own.
+/// Covariate columns with the standard deviations of range and bearing by the fit of the circle; `diagnose` drops them before it looks for
+/// effects.
 inline constexpr const char* range_sd_column = "range_sd_m";
 inline constexpr const char* bearing_sd_column = "bearing_sd_rad";
 
@@ -68,8 +69,8 @@ struct Extraction {
       corrected_stops;  ///< where the landmarks put the stops (not in the recording: nothing is corrected)
   std::vector<Eigen::Vector2d> landmark_positions;
   std::vector<double> radius_sd_m;  ///< of each landmark's radius, where it was estimated; else 0
-  double median_return_m = 0.0;     ///< of all ranges (of many, of an even choice); 0 where nothing returned
-  bool runs_clockwise = false;      ///< the other sense of rotation fits the stops clearly better
+  double median_return_m = 0.0;     ///< of the returned ranges, of an even sample of some 100 000 where there are more; 0 if none
+  bool runs_clockwise = false;      ///< the opposite of options.clockwise fits the stops clearly better
 };
 
 /// From scans to a recording: stops, noise, segments, circles, labels, readings, in this order; see the headers beside.
@@ -78,8 +79,8 @@ struct Extraction {
 /// its sightings speak for, and all of them are fitted again with it. Throws InputError where stops and scans do not
 /// agree. Cost: linear in the beams, for the association see there.
 ///
-/// The sources, which nobody has read yet, are read two to four times: for the noise, for stands (not where all scans have odometry),
-/// and for cylinders, again where these tell the noise better. Memory: heads of the scans and the hits of cylinders.
+/// Every source, which must be unread, is read two to four times: for the noise, for stands (unless all scans have odometry), for cylinders,
+/// and once more if the circles give a better noise. Memory: heads of the scans and the hits of cylinders.
 Extraction extract_recording(std::span<ScanSource* const> sources, const std::vector<Stop>& stops,
                              const ExtractOptions& options);
 /// The same of logs in memory.

@@ -7,10 +7,9 @@ namespace rangecal {
 
 /// `full` by Ceres: the same optimum and the same outcomes as solve_joint_block.
 ///
-/// One residual block per cell (CellResidual: the log-determinant as a residual above a floor that is set
-/// anew, s_floor = s e^(-1/2), at each evaluation, with a level that keeps the sum of squares the
-/// likelihood's), one per stop with a prior, one for what depends on sigma_theta alone, one per link of a
-/// random walk and per taped distance. Analytic Jacobians; alpha in a basis whitened over the seed's
+/// Residual blocks: one per cell (CellResidual: the log-determinant as two residuals, above a floor of 1/2 below log s and up to that floor,
+/// so that the sum of squares equals the likelihood and J^T J is the Fisher information in expectation), one per stop with a prior, one for
+/// what depends on sigma_theta alone, one per link of a random walk and per taped distance. Analytic Jacobians; alpha in a basis whitened over the seed's
 /// distances, in one block with the sigmas; sparse normal equations, stops eliminated first. Gauss-Newton's
 /// matrix has the Fisher information as its expectation, so Ceres's trust region does Fisher scoring. Ceres
 /// logs nothing. Cost: linear in the cells per iteration; 8 to 20 iterations.

@@ -17,7 +17,7 @@ enum class HessianKind {
 
 /// Where each unknown stands. Globals: gamma = (alpha, landmarks | tau, log sigma_theta, [log sigma_s]); the part
 /// before the bar is phi, the part after it sigma. tau: log sigma of a power law, or beta. Stops are grouped into
-/// nodes, one per place: (x, y) if the position is not exact, then one heading per stop whose heading is not exact.
+/// nodes, one per place: (x, y) if the position has a prior with sigma > 0, then one heading per stop whose heading is not exact.
 struct JointLayout {
   /// Refers to the problem's cells: the problem must outlive it.
   JointLayout(const JointProblem& problem, int alpha_count, int tau_count, bool sigma_s_free);
@@ -35,10 +35,11 @@ struct JointLayout {
     std::size_t block = 0;           ///< offset of the node's doubles in the arena
     int coordinate = 0;              ///< offset of its coordinates in the vector of all stop coordinates
     int dim = 0;                     ///< free coordinates
-    int columns = 0;                 ///< alpha, sigmas, then two per landmark
-    int first_cell = -1;             ///< cell of its first landmark, where cell after cell sees the next one
-    bool free_position = false;      ///< coordinates 0, 1 are the position error of the place
-    bool chained = false;            ///< coupled to the node before
+    int columns = 0;  ///< globals that the node couples to: alpha, sigmas, then two per landmark seen
+    int first_cell =
+        -1;  ///< its first cell, where its cells list its landmarks once and in order; else -1, see slot_of_cell_
+    bool free_position = false;  ///< coordinates 0, 1 are the position error of the place
+    bool chained = false;        ///< coupled to the node before
   };
   std::vector<Node> nodes;
   std::vector<int> node_of_stop, slot_of_stop;  ///< slot: index within Node::stops
@@ -46,9 +47,9 @@ struct JointLayout {
   int slot_of(const Node& node, int cell) const {
     return node.first_cell >= 0 ? cell - node.first_cell : slot_of_cell_[cell];
   }
-  std::size_t arena = 0;
-  int coordinates = 0;   ///< all stop coordinates
-  bool chained = false;  ///< any node is coupled to its predecessor
+  std::size_t arena = 0;  ///< doubles of all nodes' blocks
+  int coordinates = 0;    ///< number of all stop coordinates
+  bool chained = false;   ///< any node is coupled to its predecessor
 
  private:
   void describe_nodes(const JointProblem& problem);
@@ -76,12 +77,12 @@ class JointSystem {
   /// Fills all blocks at `state`. Returns the NLL, constants included; +infinity outside the model's domain.
   double assemble(const JointState& state, HessianKind kind);
 
-  /// Moves the stops of every node by itself to the optimum of what the node adds to the NLL, the globals held, by damped Newton steps
-  /// of its own: one that is far off keeps no other from its place. False if a node has no positive definite optimum; nothing is moved
-  /// then. Nodes have to be independent (not chained). Leaves no blocks that go with `state`: assemble anew.
+  /// Optimises the stops of each node separately, the globals held, by damped Newton steps of that node alone, so that one bad node does
+  /// not shorten the steps of the others. False, and nothing changed, if a node's Hessian does not become positive definite. Independent
+  /// nodes only (no chain). The blocks are stale afterwards: call assemble().
   bool settle_nodes(JointState& state);
 
-  /// Scales the spread of the ranges and sigma_theta of `state` to where they minimise the joint NLL, all else held:
+  /// Sets the two overall scales, of the ranges' spread and sigma_theta, to their joint minimum, everything else held:
   /// sigma^2 = sum W (e^2 + S^2) / u^2 / N with u = s / sigma, and likewise for the bearings.
   void profile_spreads(JointState& state) const;
 
@@ -112,8 +113,8 @@ class JointSystem {
   Eigen::VectorXd log_det_gradient(const JointState& state) const;
   /// After assemble(exact) and eliminate(0): gradient of 1/2 log det A with respect to the globals, A the Schur
   /// complement on phi, the stops following their conditional optimum. `phi_covariance`: A^-1 (phi_count square), zero in
-  /// the rows and columns of what is held. 1/2 log det A = 1/2 log det H - 1/2 log det H_ss, so that the same sum over cells
-  /// serves with M = H^-1 - C, which is (1, -U)^T A^-1 (1, -U), U = H_ss^-1 G.
+  /// the rows and columns of what is held. Computed as that of 1/2 log det H - 1/2 log det H_ss, by the sum over cells
+  /// of log_det_gradient with M = H^-1 - diag(0, H_ss^-1) = (1, -U)^T A^-1 (1, -U), U = H_ss^-1 G.
   Eigen::VectorXd log_det_phi_gradient(const JointState& state, const Eigen::MatrixXd& phi_covariance) const;
   /// Second derivatives of 1/2 log det H_ss in the sigmas (sigma_count square), every block scaling as 1 / sigma^2.
   Eigen::MatrixXd log_det_sigma_hessian(const JointState& state) const;

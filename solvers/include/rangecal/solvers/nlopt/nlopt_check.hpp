@@ -12,15 +12,15 @@ namespace rangecal {
 /// Objective [nats] at x and, where not null, its gradient. Infinity or NaN outside of the domain.
 using Objective = std::function<double(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)>;
 
-/// What is to be minimised a second time, by another program. Optimisers stop by size in all coordinates alike, and
-/// quasi-Newton ones stall on unlike units, so the local search runs in u with x = seed + whitening u.
+/// A problem to be minimised once more, by NLopt. Its stopping rules use one length for all coordinates, and quasi-Newton methods stall
+/// where scales differ, so the local search runs in u, x = seed + whitening u.
 struct NloptProblem {
   Objective objective;
   Eigen::VectorXd seed;
   Eigen::MatrixXd whitening;     ///< d x / d u, square: L^-T with L L' the expected information at the seed
   Eigen::VectorXd lower, upper;  ///< bounds of x for the global search; empty: no global search
   std::vector<int>
-      global_indices;  ///< which x the global search moves (alpha, say); the rest is as in the best local
+      global_indices;  ///< coordinates that the global search moves (alpha, say); the others stay at the best local point
   Objective global_objective;  ///< optional: takes the moved coordinates alone, the rest profiled out
 };
 
@@ -43,14 +43,15 @@ struct NloptCheck {
   std::string report;         ///< one sentence
 };
 
-/// Minimises by LD_LBFGS, LD_TNEWTON_PRECOND_RESTART and LD_SLSQP from the seed, each polished by the other two until
-/// none gains, and by GN_DIRECT_L over global_indices within the bounds, polished likewise. NLopt's algorithms are
+/// Runs LD_LBFGS, LD_TNEWTON_PRECOND_RESTART and LD_SLSQP in turn, each from the best point so far, until a round gains nothing; then,
+/// where bounds are given, GN_DIRECT_L over global_indices, and the same from its best point. NLopt's algorithms are
 /// deterministic here. Throws InputError for sizes that do not match and a seed outside of the domain.
 /// Cost: some hundred evaluations locally, global_evaluations globally.
 NloptCheck nlopt_check(const NloptProblem& problem, const NloptOptions& options = {});
 
-/// L^-T of an information matrix: columns are directions of one standard deviation. Directions without information
-/// get the scale of the diagonal.
+/// L^-T of an information matrix: columns are directions of one standard deviation. A matrix that is not positive definite
+/// gets a growing ridge (1e-12 to 0.1 of the scaled diagonal), so that directions without information become very long; the diagonal alone
+/// where even that fails.
 Eigen::MatrixXd whitening_from_information(const Eigen::MatrixXd& information);
 
 }  // namespace rangecal
