@@ -94,6 +94,18 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
   return readings;
 }
 
+std::string what_lies_beyond(const ColumnBeyond& column, const Calibration& calibration) {
+  if (!column.label.empty())
+    return fmt::format(
+        "are of a landmark or device that the calibration does not know, first '{}' in row {}; it knows {}: "
+        "extrapolated_column",
+        column.label, column.first_row, fmt::join(labels_of_landmarks(calibration), ", "));
+  return fmt::format(
+      "have a {} outside the {:.6g} to {:.6g} over which the effects that use it were fitted, first in row {}: "
+      "extrapolated_column",
+      column.column, column.from, column.to, column.first_row);
+}
+
 /// Readings that lie beyond what the calibration was fitted over, for stderr.
 class Beyond {
  public:
@@ -122,20 +134,7 @@ class Beyond {
                      calibration.range_min_m, calibration.range_max_m));
     line(out_of_range_, "are flagged out_of_range: read at no distance of the fit, nor near its ends");
     for (const ColumnBeyond& column : columns)  // also of readings without a distance
-      if (!column.label.empty())
-        line(
-            column.readings,
-            fmt::format(
-                "are of a landmark or device that the calibration does not know, first '{}' in row {}; it knows {}: "
-                "extrapolated_column",
-                column.label, column.first_row, fmt::join(labels_of_landmarks(calibration), ", ")));
-      else
-        line(
-            column.readings,
-            fmt::format(
-                "have a {} outside the {:.6g} to {:.6g} over which the effects that use it were fitted, first in row "
-                "{}: extrapolated_column",
-                column.column, column.from, column.to, column.first_row));
+      line(column.readings, what_lies_beyond(column, calibration));
   }
 
  private:
@@ -470,7 +469,7 @@ void add_correct(CLI::App& app, Action& chosen) {
       "ends: the nearest is given, or none where it is more than 4 standard deviations off); against_prior (a distance that\n"
       "the map or the motion does not allow); extrapolated (outside the distances fitted, not said beside out_of_range);\n"
       "turning_point (f turns back there); extrapolated_column (a column that an effect uses lies outside the values over\n"
-      "which the effects were fitted, as CALIBRATION says). Several that hold are joined by +, as in ambiguous+extrapolated.\n"
+      "which the effects were fitted, as CALIBRATION says, or the landmark or device is not one of these). Several that hold are joined by +, as in ambiguous+extrapolated.\n"
       "Without a distance: out_of_range, or missing, zero, negative, not_finite. How many readings lie beyond the fit is\n"
       "said on stderr.\n"
       "Effects that 'diagnose --calibration' left in CALIBRATION are undone; the CSV then has the columns they need\n"

@@ -80,7 +80,7 @@ struct DiagnoseCommand {
     if (calibration.empty())
       fmt::print("  the same command with --calibration {} keeps the calibration with what was found\n",
                  file);
-    fmt::print("  rangecal correct {} readings.csv       undoes both in new readings\n", file);
+    fmt::print("  rangecal correct {} readings.csv  undoes its curve and effects in new readings\n", file);
   }
 
   int run_each_apart() const {

@@ -78,13 +78,11 @@ def by_row(answers):
         sizes = [int(a["set_size"]) for a in own if a["class"] == "right set"]
         covered, intervals = (sum(int(a[of] or 0) for a in own) for of in ("covered", "intervals"))
         seconds = [float(a["seconds"]) for a in own]
-        yield (f"| {row} | {n} | {percent(count['right name'] + count['quiet'], n)} | {percent(count['right set'], n)} | "
-               f"{statistics.mean(sizes):.1f} | " if sizes else
-               f"| {row} | {n} | {percent(count['right name'] + count['quiet'], n)} | {percent(count['right set'], n)} | | ") + (
-               f"{percent(count['unexplained'], n)} | {percent(count['missed'], n)} | "
-               f"{percent(count['wrong name'] + count['wrong set'] + count['false alarm'], n)} | "
-               f"{percent(covered, intervals)}{f' of {intervals}' if intervals else ''} | "
-               f"{statistics.median(seconds):.1f} | {max(seconds):.1f} |")
+        cells = [row, str(n), percent(count["right name"] + count["quiet"], n), percent(count["right set"], n),
+                 f"{statistics.mean(sizes):.1f}" if sizes else "", percent(count["unexplained"], n), percent(count["missed"], n),
+                 percent(wrong[row], n), f"{percent(covered, intervals)} of {intervals}" if intervals else "",
+                 f"{statistics.median(seconds):.1f}", f"{max(seconds):.1f}"]
+        yield f"| {' | '.join(cells)} |"
 
 
 def by_probability(answers):
@@ -110,7 +108,7 @@ def by_probability(answers):
 
 
 def sections(rows):
-    for commit, seed in sorted({(r.commit, r.seed) for r in rows}, key=lambda cs: -sum((r.commit, r.seed) == cs for r in rows)):
+    for commit, seed in sorted(sorted({(r.commit, r.seed) for r in rows}), key=lambda cs: -sum((r.commit, r.seed) == cs for r in rows)):
         own = sorted((r for r in rows if (r.commit, r.seed) == (commit, seed)),
                      key=lambda r: (-sum(line.endswith("NOT MET") for line in r.lines), r.name))
         yield f"""
@@ -146,7 +144,6 @@ def main():
             rows[row.name, row.commit] = row
             answers = [a for a in answers if a["row"] != row.name] + own
     rows = list(rows.values())
-    newest = [a for a in answers if a.get("names") is not None and "names" in a]
     lines = ["""# What came out of every row that was drawn?
 
 Worlds of `docs/proof.md`, each row drawn once, beside other work on two cores. `docs/proof-answers.csv` has every answer, the misses too. The
@@ -161,9 +158,9 @@ catalogue (`outside`, `beside-unknown`) "in part or unexplained" is what is want
 largest share of wrong answers come first.
 """]
     lines += list(by_row(answers))
-    probabilities = list(by_probability(newest))
+    probabilities = list(by_probability(answers))
     if probabilities:
-        drawn = sorted({a["row"] for a in newest if a.get("names")})
+        drawn = sorted({a["row"] for a in answers if a.get("names")})
         lines += [f"""
 ## Are the probabilities of names what they say?
 

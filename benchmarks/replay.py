@@ -9,24 +9,14 @@ sources (stale.py) says that something changed; this says what it changed. --che
 """
 import argparse
 import csv
-import re
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from proof_page import ANSWERS, rows_printed
+
 RIGHT = {"right name", "right set", "right"}
-
-
-def rows_drawn():
-    """(row, seed) of every row of the table."""
-    seed = None
-    for line in (ROOT / "docs" / "proof-table.md").read_text().splitlines():
-        if found := re.match(r"## By commit \S+, seed (\d+)", line):
-            seed = found[1]
-        if found := re.match(r"--row (\S+) ", line):
-            yield found[1], seed
 
 
 def answers_of(path):
@@ -41,9 +31,9 @@ def main():
     parser.add_argument("--rows", nargs="+", metavar="ROW", help="only these")
     parser.add_argument("--check", action="store_true", help="end with 1 if an answer that was right is wrong now")
     options = parser.parse_args()
-    drawn = answers_of(ROOT / "docs" / "proof-answers.csv")
+    drawn = answers_of(ANSWERS)
     same = compared = worse = better = 0
-    for row, seed in rows_drawn():
+    for row, seed in ((r.name, r.seed) for r in rows_printed()):
         if options.rows and row not in options.rows:
             continue
         with tempfile.TemporaryDirectory() as folder:

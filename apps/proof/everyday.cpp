@@ -259,16 +259,16 @@ Score score_everyday(const EverydayTable& table, const Diagnosis& diagnosis) {
   out.set_size = static_cast<int>(sets.size());
   out.alarm_p = diagnosis.alarm_p_value;
   if (!diagnosis.explanations.empty()) out.probability = diagnosis.explanations[0].probability;
-  out.probabilities = probabilities_of(diagnosis, [&](const std::string& id) {
-    return std::any_of(table.causes.begin(), table.causes.end(), [&](const std::vector<std::string>& names) {
+  const auto named_in = [](const std::vector<std::vector<std::string>>& causes, const std::string& id) {
+    return std::find_if(causes.begin(), causes.end(), [&](const std::vector<std::string>& names) {
       return std::find(names.begin(), names.end(), id_without_column(id)) != names.end();
     });
-  });
+  };
+  out.probabilities = probabilities_of(
+      diagnosis, [&](const std::string& id) { return named_in(table.causes, id) != table.causes.end(); });
   std::vector<std::vector<std::string>> left = table.causes;
   for (const std::string& id : sets.empty() ? std::vector<std::string>{} : sets.front()) {
-    const auto cause = std::find_if(left.begin(), left.end(), [&](const std::vector<std::string>& names) {
-      return std::find(names.begin(), names.end(), id_without_column(id)) != names.end();
-    });
+    const auto cause = named_in(left, id);
     if (cause == left.end())
       out.names.wrong += id != "generic";
     else

@@ -547,7 +547,9 @@ class SetSearch {
       made->fit = refit(rows_, wanted.model, start, options_);
       if (made->fit.ok && root_nll_ - made->fit.nll < wanted.predicted_gain - fell_short)
         start_elsewhere(wanted.model, made->fit);
-      if (gains_less_than_subset(made->fit)) start_from_largest_within(wanted.model, *made);
+      const Hypothesis& within = largest_within(member_names(wanted.model, known_count()));
+      if (!made->fit.ok || root_nll_ - made->fit.nll < within.gain - stuck_below)
+        start_from(within, wanted.model, *made);
     }
     const double gain = root_nll_ - made->fit.nll;
     if (made->fit.ok && wanted.refine && gain + refining_adds + refining_share * gain > top_gain_) {
@@ -577,6 +579,7 @@ class SetSearch {
     if (again.ok && again.nll < fit.nll) fit = std::move(again);
   }
 
+  /// A fit refers to its curves, which all hypotheses that use them own together.
   static void keep_alive(const std::vector<std::shared_ptr<Effect>>& curves, Hypothesis& h) {
     for (const auto& curve : curves)
       if (std::find(h.curves.begin(), h.curves.end(), curve) == h.curves.end()) h.curves.push_back(curve);
@@ -594,16 +597,8 @@ class SetSearch {
     return *most;
   }
 
-  /// True if a fit gains less than that of a set with some of its members.
-  bool gains_less_than_subset(const Fit& fit) const {
-    const double gain = fit.ok ? root_nll_ - fit.nll : -std::numeric_limits<double>::infinity();
-    return gain < largest_within(member_names(fit.model, known_count())).gain - stuck_below;
-  }
-
-  /// From where the set within this one that gains most has its members, stops and landmarks, the linear parameters of the others at 0:
-  /// the fit gains no less.
-  void start_from_largest_within(Model model, Hypothesis& made) const {
-    const Hypothesis& within = largest_within(member_names(model, known_count()));
+  /// From where a set within this one has its members, stops and landmarks, the linear parameters of the others at 0: the fit gains no less.
+  void start_from(const Hypothesis& within, Model model, Hypothesis& made) const {
     for (std::size_t i = known_count(); i < model.size(); ++i) {
       ActiveEffect& member = model[i];
       const auto same = std::find_if(
