@@ -12,6 +12,7 @@
 #include "commands.hpp"
 #include "ingest/bags/bag_correction.hpp"
 #include "ingest/bags/message_source.hpp"
+#include "ingest/csv.hpp"
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
@@ -87,9 +88,10 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
   auto column = rows.find("reading_m");
   if (!column) column = rows.find("range_m");
   if (!column)
-    throw InputError(name, 1, "",
-                     "there is no column reading_m or range_m, and the first line is no number; columns are "
-                     "separated by commas ('rangecal import csv' makes such a table, pairs.csv, of any)");
+    throw InputError(
+        name, 1, "",
+        "there is no column reading_m or range_m, and the first line is no number: say --reading COLUMN, "
+        "and with --unit, --landmark, --time, ... what you said to 'rangecal import csv'");
   while (rows.next()) readings.push_back(rows.number(*column).value_or(std::nan("")));
   return readings;
 }
@@ -141,13 +143,57 @@ class Beyond {
   std::size_t readings_ = 0, extrapolated_ = 0, out_of_range_ = 0;
 };
 
-void print_correction(double reading, const std::vector<CorrectionCandidate>& candidates) {
+/// What is printed: a line for each distance of a reading; or, of a table that is kept, its own lines, each followed by the most likely
+/// distance, in the table's own separator and decimal sign.
+class AnswerLines {
+ public:
+  /// `more`: columns that follow the flag, each with a comma before it.
+  explicit AnswerLines(const ingest::ReadingsTable* kept, const std::string& more) : kept_(kept) {
+    if (!kept) {
+      fmt::print("reading_m,distance_m,std_m,candidate,flag{}\n", more);
+      return;
+    }
+    std::string head = kept->lines.front();
+    const std::string names = "distance_m,std_m,flag" + more + ",";
+    for (std::size_t at = 0; at < names.size(); at = names.find(',', at) + 1) {
+      const std::string name = names.substr(at, names.find(',', at) - at);
+      const bool taken = std::find(kept->columns.begin(), kept->columns.end(), name) != kept->columns.end();
+      head += kept->separator + name + (taken ? "_corrected" : "");
+    }
+    fmt::print("{}\n", head);
+  }
+
+  /// The distances of one reading follow each other, the most likely first. `distance_and_std`: with a comma between.
+  void print(std::size_t row, double reading, std::string_view distance_and_std, std::string_view candidate,
+             std::string_view flag, std::string_view more = "") {
+    if (!kept_) {
+      fmt::print("{},{},{},{}{}\n", std::isnan(reading) ? "" : fmt::format("{}", reading), distance_and_std,
+                 candidate, flag, more);
+      return;
+    }
+    if (row + 1 == printed_) return;
+    printed_ = row + 1;
+    std::string answer = fmt::format(",{},{}{}", distance_and_std, flag, more);
+    for (char& c : answer)
+      c = c == ','                                                       ? kept_->separator
+          : c == '.' && kept_->decimal_commas && kept_->separator != ',' ? ','
+                                                                         : c;
+    fmt::print("{}{}\n", kept_->lines[row + 1], answer);
+  }
+
+ private:
+  const ingest::ReadingsTable* kept_;
+  std::size_t printed_ = 0;
+};
+
+void print_correction(AnswerLines& lines, std::size_t row, double reading,
+                      const std::vector<CorrectionCandidate>& candidates) {
   const auto field = [](const std::optional<double>& value) {
     return value ? fmt::format("{:.6f}", *value) : "";
   };
   for (const CorrectionCandidate& c : candidates)
-    fmt::print("{},{},{},{},{}\n", std::isnan(reading) ? "" : fmt::format("{}", reading), field(c.distance_m),
-               field(c.std_dev_m), c.distance_m ? fmt::format("{}", c.candidate) : "", c.flag);
+    lines.print(row, reading, field(c.distance_m) + "," + field(c.std_dev_m),
+                c.distance_m ? fmt::format("{}", c.candidate) : "", c.flag);
 }
 
 /// The readings as a table where the text is one; nothing where it is one number per line.
@@ -159,6 +205,9 @@ std::optional<CsvTable> table_from(const std::string& text, const std::string& n
 /// Posteriors of readings that follow each other, under a prior that may follow from the one before.
 class Posteriors {
  public:
+  static constexpr const char* columns =
+      ",probability,mode_m,mean_m,low95_m,high95_m";  ///< beside those of every answer
+
   Posteriors(const ReadingSettings& settings, const std::string& kind, const std::vector<double>& limits,
              double speed, const CsvTable* table, const std::string& name)
       : settings_(settings), table_(table), speed_(speed) {
@@ -203,8 +252,7 @@ class Posteriors {
 
   const Beyond& beyond() const { return beyond_; }
 
-  void print(std::size_t i, double reading) {
-    const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
+  void print(AnswerLines& lines, std::size_t i, double reading) {
     DistancePrior prior = map_ ? prior_of(i) : base_;
     double time = 0.0;
     if (time_) {
@@ -214,18 +262,18 @@ class Posteriors {
     if (!(reading > 0.0) || !std::isfinite(reading) || !settings_.of_reading[i].complete) {
       const CorrectionCandidate why =
           correction_candidates(settings_.corrector, reading, settings_.of_reading[i], false).front();
-      fmt::print("{},,,,{},,,,,\n", field, why.flag);
+      lines.print(i, reading, ",", "", why.flag, ",,,,,");
       beyond_.count(why.flag);
       return;
     }
     if (fast_ && reading >= fast_->low_reading_m() && reading <= fast_->high_reading_m()) {
-      print(field, (*fast_)(reading));
+      print(lines, i, reading, (*fast_)(reading));
       return;
     }
     const DistancePosterior posterior =
         distance_posterior(settings_.corrector, reading, settings_.of_reading[i], prior);
     if (posterior.outcome != Outcome::converged) {
-      fmt::print("{},,,,out_of_range,,,,,\n", field);
+      lines.print(i, reading, ",", "", "out_of_range", ",,,,,");
       beyond_.count("out_of_range");
       return;
     }
@@ -234,8 +282,8 @@ class Posteriors {
       last_time_ = time;
     }
     std::vector<PosteriorRoot> roots = posterior.roots;
-    print(field, std::move(roots), posterior.mode_m, posterior.mean_m, posterior.low_m, posterior.high_m,
-          posterior.against_prior, settings_.of_reading[i].extrapolated_column);
+    print(lines, i, reading, std::move(roots), posterior.mode_m, posterior.mean_m, posterior.low_m,
+          posterior.high_m, posterior.against_prior, settings_.of_reading[i].extrapolated_column);
   }
 
  private:
@@ -253,16 +301,16 @@ class Posteriors {
     return prior;
   }
 
-  void print(const std::string& field, const PosteriorTable::Row& row) {
+  void print(AnswerLines& lines, std::size_t i, double reading, const PosteriorTable::Row& row) {
     std::vector<PosteriorRoot> roots;
     for (int i = 0; i < fast_->root_count(); ++i)
       roots.push_back({row.probability[i], row.root_m[i], row.root_std_dev_m[i], 0.0, 0.0});
-    print(field, std::move(roots), row.mode_m, row.mean_m, row.low_m, row.high_m);
+    print(lines, i, reading, std::move(roots), row.mode_m, row.mean_m, row.low_m, row.high_m);
   }
 
   /// A line for each root, the most probable first.
-  void print(const std::string& field, std::vector<PosteriorRoot> roots, double mode, double mean, double low,
-             double high, bool against_prior = false, bool column = false) {
+  void print(AnswerLines& lines, std::size_t i, double reading, std::vector<PosteriorRoot> roots, double mode,
+             double mean, double low, double high, bool against_prior = false, bool column = false) {
     std::sort(roots.begin(), roots.end(),
               [](const auto& a, const auto& b) { return a.probability > b.probability; });
     std::erase_if(roots, [&](const auto& root) { return root.probability < 1e-3; });
@@ -273,9 +321,10 @@ class Posteriors {
         flag += flag.empty() ? "extrapolated" : "+extrapolated";
       if (column) flag += flag.empty() ? "extrapolated_column" : "+extrapolated_column";
       if (k == 0) beyond_.count(flag);
-      fmt::print("{},{:.6f},{:.6f},{},{},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", field, roots[k].mean_m,
-                 roots[k].std_dev_m, k + 1, flag.empty() ? "ok" : flag, roots[k].probability, mode, mean, low,
-                 high);
+      lines.print(
+          i, reading, fmt::format("{:.6f},{:.6f}", roots[k].mean_m, roots[k].std_dev_m),
+          std::to_string(k + 1), flag.empty() ? "ok" : flag,
+          fmt::format(",{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}", roots[k].probability, mode, mean, low, high));
     }
   }
 
@@ -323,6 +372,8 @@ struct CorrectCommand {
   std::string calibration, file = "-", roots = "ls", prior, output;
   std::vector<double> limits;
   double speed = 0.0;
+  bool keep = false;
+  ingest::TableOptions own;  ///< of a table that is no recording's
   ingest::BagCorrectionOptions bag;
 
   int run() const {
@@ -332,6 +383,8 @@ struct CorrectCommand {
     if (!output.empty() && !is_bag && (file == "-" || (is_file && file_exists(file))))
       throw InputError(file == "-" ? "stdin" : file, 0, "",
                        "is no bag, of which -o would be the corrected one: a table goes to stdout");
+    if ((is_bag || !output.empty()) && (keep || own.says_something()))
+      throw InputError("--keep, --reading, --unit and the like are about a table, and " + file + " is a bag");
     if (is_bag || !output.empty()) return run_on_bag();
     if (!bag.topic.empty() || !bag.keep_raw.empty() || bag.clockwise)
       throw InputError("--topic, --keep-raw and --clockwise are about a bag, and FILE is none");
@@ -342,6 +395,16 @@ struct CorrectCommand {
     std::string text = from_stdin ? text_of_stdin() : read_file(file, most_bytes);
     if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
     const std::string name = from_stdin ? "stdin" : file;
+    std::optional<ingest::ReadingsTable> own_table;
+    if (keep || own.says_something()) {
+      ingest::TableOptions options = own;
+      options.source = name;
+      own_table = ingest::read_readings(options, std::move(text));
+      text = std::move(own_table->csv);
+      for (const std::string& line : own_table->warnings) fmt::print(stderr, "rangecal: {}\n", line);
+      if (!own_table->words.empty()) fmt::print(stderr, "rangecal: {}: {}\n", name, own_table->words);
+    }
+    const ingest::ReadingsTable* const kept = keep ? &*own_table : nullptr;
     const std::vector<double> readings = readings_from(text, name);
     const std::optional<CsvTable> table = table_from(text, name);
     const ReadingSettings settings =
@@ -360,18 +423,18 @@ struct CorrectCommand {
       for (std::size_t i = 0; i < readings.size(); ++i) posteriors.check(i);
       posteriors.expect(readings.size());
       warn_of_effects();
-      fmt::print("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n");
-      for (std::size_t i = 0; i < readings.size(); ++i) posteriors.print(i, readings[i]);
+      AnswerLines lines(kept, Posteriors::columns);
+      for (std::size_t i = 0; i < readings.size(); ++i) posteriors.print(lines, i, readings[i]);
       posteriors.beyond().say(loaded, settings.beyond);
       return done;
     }
     warn_of_effects();
-    fmt::print("reading_m,distance_m,std_m,candidate,flag\n");
+    AnswerLines lines(kept, "");
     Beyond beyond;
     for (std::size_t i = 0; i < readings.size(); ++i) {
       const std::vector<CorrectionCandidate> candidates =
           correction_candidates(settings.corrector, readings[i], settings.of_reading[i], roots == "ml");
-      print_correction(readings[i], candidates);
+      print_correction(lines, i, readings[i], candidates);
       beyond.count(candidates.front().flag);
     }
     beyond.say(loaded, settings.beyond);
@@ -430,8 +493,10 @@ void add_correct(CLI::App& app, Action& chosen) {
   const auto state = std::make_shared<CorrectCommand>();
   command->add_option("CALIBRATION", state->calibration, "what 'calibrate --json' wrote")->required();
   command
-      ->add_option("FILE", state->file,
-                   "CSV with a column reading_m or range_m, or one reading per line; - or nothing: stdin")
+      ->add_option(
+          "FILE", state->file,
+          "CSV with a column reading_m or range_m, your own table (--reading), or one reading per line; - or "
+          "nothing: stdin")
       ->capture_default_str();
   command
       ->add_option(
@@ -459,6 +524,10 @@ void add_correct(CLI::App& app, Action& chosen) {
   command
       ->add_flag("--clockwise", state->bag.clockwise, "bearings of the scans run clockwise, as in 'extract'")
       ->group("Bags");
+  command->add_flag(
+      "--keep", state->keep,
+      "print the table's own rows and columns, each row followed by its most likely distance, std_m and flag");
+  ingest::add_table_options(*command, state->own, "Your own table, as 'import csv' has it");
   command->add_option("--speed", state->speed, "largest speed along the beam [m/s], for --prior motion");
   add_effects_option(*command);
   command->footer(
@@ -475,6 +544,8 @@ void add_correct(CLI::App& app, Action& chosen) {
       "Effects that 'diagnose --calibration' left in CALIBRATION are undone; the CSV then has the columns they need\n"
       "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is an error that\n"
       "names it (exit code 2, nothing is printed), and a row without its value is flagged missing.\n"
+      "A table with other names and units (--reading, --unit, --landmark, --time: as you said to 'import csv') is read as 'import\n"
+      "csv' reads it. --keep prints it as it is, with its separator and decimal sign, and three columns more: distance_m, std_m, flag.\n"
       "Of a bag (MCAP, SQLite file of rosbag2) -o is a copy in which every reading of the topic is its most likely distance: no\n"
       "returns stay, what no distance explains becomes nan, all other messages stay byte for byte (docs/bags.md).\n"
       "With --prior each candidate is a part of the curve, distance_m and std_m are those of the posterior on it, and more\n"
@@ -483,6 +554,7 @@ void add_correct(CLI::App& app, Action& chosen) {
       "Examples:\n"
       "  rangecal correct cal.json readings.csv > distances.csv\n"
       "  rangecal correct cal.json readings.csv --prior motion --speed 0.5\n"
+      "  rangecal correct cal.json log.csv --reading 'raw (mm)' --landmark sensor --time stamp --keep > corrected.csv\n"
       "  rangecal correct cal.json run.mcap -o corrected.mcap --topic /scan --keep-raw /scan_raw\n"
       "  echo 1.234 | rangecal correct cal.json");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });

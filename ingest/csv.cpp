@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Any table that holds a true distance and a reading in each row, as spreadsheets, loggers and data frames are exported, as a
-// recording of pairs. What the table's header does not say is said by options or taken by the rules stated beside each
-// function; the words of the result name every one that was taken.
+// Any table that holds a reading in each row, as spreadsheets, loggers and data frames are exported: with a true distance beside
+// it as a recording of pairs, without one as readings to be corrected. What the table's header does not say is said by options or
+// taken by the rules stated beside each function; the words of the result name every one that was taken.
+#include "csv.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,6 +28,7 @@
 #include "importer.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/csv_rows.hpp"
+#include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/utf8.hpp"
@@ -35,14 +38,6 @@ namespace {
 
 constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t most_labels = 10'000'000;  ///< that a recording holds
-
-struct TableOptions {
-  std::string source, truth, reading, batch, landmark, bearing, time;
-  std::string unit, true_unit, reading_unit, bearing_unit, time_unit;
-  std::string separator, decimal, name;
-  std::vector<std::string> missing;
-  int skip = 0;
-};
 
 std::string lower(std::string_view text) {
   std::string small(text);
@@ -563,15 +558,17 @@ std::optional<std::size_t> unmistakable(const std::vector<std::string>& names,
 
 class TableImport {
  public:
-  TableImport(const TableOptions& given, std::string text)
+  enum class Holds { truth_and_reading, reading };
+  TableImport(const TableOptions& given, std::string text, Holds holds)
       : given_(given),
+        holds_(holds),
         reader_(given),
         text_(std::move(text)),
         separator_(chosen_separator()),
         rows_(CsvRows::parse(text_, given.source, separator_)),
         names_(names_in(rows_)) {}
 
-  Imported run() {
+  Imported pairs() {
     check_header();
     choose_roles();
     read_rows();
@@ -586,6 +583,62 @@ class TableImport {
     if (!blank_.empty())
       words_ += fmt::format("           {} with nothing in them ({})\n", blank_.size(), row_list(blank_));
     return {std::move(recording), std::move(words_), "", {given_.source}, std::move(warnings_)};
+  }
+
+  ReadingsTable readings() {
+    check_header();
+    choose_roles();
+    read_rows();
+    give_up_unasked();
+    ReadingsTable table;
+    table.separator = separator_;
+    table.decimal_commas = decimal_commas();
+    table.columns = names_;
+    const std::vector<double>& readings = numbers(*roles_.reading);
+    std::string raw;
+    const Scale scale = reading_scale(raw);
+    const std::vector<double> bearing = bearings(), time = times();
+    table.words = fmt::format("the reading is column {}{}, {}", in_quotes(names_[*roles_.reading]),
+                              found_words(roles_.found_reading),
+                              scale.words.empty() ? "taken to be in m (--unit)" : scale.words);
+    for (const auto& [role, what] : {std::pair{roles_.landmark, "landmark"},
+                                     {roles_.batch, "batch"},
+                                     {roles_.time, "time"},
+                                     {roles_.bearing, "bearing"}})
+      if (role) table.words += fmt::format("; {} is column {}", what, in_quotes(names_[*role]));
+    const std::vector<std::pair<std::string, std::size_t>> others = other_columns();
+    const auto label = [](const Labels& labels, std::size_t i) {
+      const int number = labels.of_row[i];
+      return number < 0 ? "" : csv_field(labels.names[static_cast<std::size_t>(number)]);
+    };
+    CsvRows rows = CsvRows::parse(text_, given_.source, separator_);  // once more, for the fields as they are
+    std::vector<std::string> own(rows.columns());
+    int line = 1;
+    const auto add = [&](int in_line, const std::string& row) {
+      table.csv.append(static_cast<std::size_t>(std::max(0, in_line - line)), '\n') += row + "\n";
+      line = std::max(line, in_line) + 1 + static_cast<int>(std::count(row.begin(), row.end(), '\n'));
+      table.lines.push_back(joined(own));
+    };
+    std::string row = "reading_m";
+    if (!time.empty()) row += ",time_s";
+    if (!bearing.empty()) row += ",bearing_rad";
+    if (roles_.landmark) row += ",landmark";
+    if (roles_.batch) row += ",batch";
+    for (const auto& [name, column] : others) row += "," + csv_field(name);
+    add(rows.line(), row);
+    for (std::size_t i = 0; i < lines_.size(); ++i) {
+      while (rows.next() && rows.line() != lines_[i]) continue;
+      row = number_field(readings.empty() ? nothing : scale.si(readings[i]));
+      if (!time.empty()) row += "," + number_field(time[i]);
+      if (!bearing.empty()) row += "," + number_field(bearing[i]);
+      if (roles_.landmark) row += "," + label(landmarks_, i);
+      if (roles_.batch) row += "," + label(batches_, i);
+      for (const auto& [name, column] : others) row += "," + as_field(rows.text(column), column);
+      for (std::size_t c = 0; c < own.size(); ++c) own[c] = rows.text(c);
+      add(lines_[i], row);
+    }
+    table.warnings = std::move(warnings_);
+    return table;
   }
 
  private:
@@ -655,7 +708,7 @@ class TableImport {
   }
 
   void check_header() const {
-    if (names_.size() < 2)
+    if (names_.size() < 2 && holds_ == Holds::truth_and_reading)
       throw InputError(given_.source, rows_.line(), "",
                        "the header is one field, " + in_quotes(names_[0]) +
                            ": columns are separated by commas, semicolons, tabs or bars (--separator)");
@@ -711,20 +764,27 @@ class TableImport {
       role = found;
       return true;
     };
-    roles_.found_truth = find(
-        roles_.truth, {"true", "truth", "groundtruth", "gt", "reference", "ref", "actual", "known"}, [&] {
-          auto all = distance;
-          all.insert("ground");
-          return all;
-        }());
+    const bool truth_wanted = holds_ == Holds::truth_and_reading;
+    if (truth_wanted)
+      roles_.found_truth = find(
+          roles_.truth, {"true", "truth", "groundtruth", "gt", "reference", "ref", "actual", "known"}, [&] {
+            auto all = distance;
+            all.insert("ground");
+            return all;
+          }());
+    else
+      for (const char* const name : {"reading_m", "range_m"})
+        if (const auto found = std::find(names_.begin(), names_.end(), name);
+            !roles_.reading && found != names_.end())
+          roles_.reading = static_cast<std::size_t>(found - names_.begin());
     roles_.found_reading =
         find(roles_.reading, {"reading", "readings", "measured", "measurement", "raw", "sensor"}, distance);
-    if (!roles_.truth || !roles_.reading) {
-      const std::string missing = roles_.truth ? "which column is the reading? say --reading COLUMN"
-                                  : roles_.reading
-                                      ? "which column is the true distance? say --true COLUMN"
-                                      : "which columns are the true distance and the reading? say --true "
-                                        "COLUMN --reading COLUMN";
+    if ((truth_wanted && !roles_.truth) || !roles_.reading) {
+      const std::string missing =
+          roles_.truth || !truth_wanted ? "which column is the reading? say --reading COLUMN"
+          : roles_.reading              ? "which column is the true distance? say --true COLUMN"
+                                        : "which columns are the true distance and the reading? say --true "
+                                          "COLUMN --reading COLUMN";
       throw InputError(given_.source, rows_.line(), "", missing + "; the columns are " + list_of(names_));
     }
     const auto by_name = [&](std::optional<std::size_t>& role, const std::set<std::string>& telling,
@@ -788,7 +848,9 @@ class TableImport {
   /// All fields of a column of times are texts of moments, empty ones aside.
   bool is_clock() const { return clock_row_ == 0 && clock_.first; }
 
+  /// Of readings alone a gap does not matter: what needs the field is said of its row.
   void give_up_unasked() {
+    const bool whole = holds_ == Holds::truth_and_reading;
     const auto give_up = [&](std::optional<std::size_t>& role, const char* option, const std::string& why) {
       if (!role || !roles_.unasked.contains(*role) || why.empty()) return;
       warnings_.push_back(
@@ -799,16 +861,16 @@ class TableImport {
       if (!role) return "";
       const auto [row, fault] = columns_[*role].fault(commas_are_decimal());
       if (row > 0) return fmt::format("row {}: {}", row, fault);
-      for (std::size_t i = 0; i < lines_.size(); ++i)
+      for (std::size_t i = 0; whole && i < lines_.size(); ++i)
         if (!std::isfinite(columns_[*role].values()[i]))
           return fmt::format("row {} holds no number", lines_[i]);
       return "";
     };
     give_up(roles_.landmark, "--landmark",
-            landmarks_.empty_row > 0 ? fmt::format("row {} is empty", landmarks_.empty_row) : "");
+            whole && landmarks_.empty_row > 0 ? fmt::format("row {} is empty", landmarks_.empty_row) : "");
     give_up(roles_.bearing, "--bearing", bad_numbers(roles_.bearing));
     std::string why = is_clock() ? "" : bad_numbers(roles_.time);
-    if (is_clock())
+    if (is_clock() && whole)
       for (std::size_t i = 0; i < lines_.size() && why.empty(); ++i)
         if (std::isnan(clock_s_[i])) why = fmt::format("row {} is empty", lines_[i]);
     give_up(roles_.time, "--time", why);
@@ -1021,10 +1083,19 @@ class TableImport {
       dropped_.push_back({why, {row}});
   }
 
-  /// Every other column of numbers; what cannot be one is kept to be said. A name that a recording gives another meaning
-  /// is changed.
-  std::vector<std::pair<std::string, std::size_t>> covariate_columns() {
+  /// A column's name as a covariate: one that a recording gives another meaning is changed.
+  std::string covariate_name(std::size_t column) {
     const std::set<std::string> known{"true_m", "reading_m", "batch", "time_s", "landmark", "bearing_rad"};
+    std::string name = names_[column];
+    if (!known.contains(name)) return name;
+    name = "column_" + name;
+    while (std::find(names_.begin(), names_.end(), name) != names_.end()) name += "_";
+    renamed_.push_back(in_quotes(names_[column]) + " as " + in_quotes(name));
+    return name;
+  }
+
+  /// Every other column of numbers; what cannot be one is kept to be said.
+  std::vector<std::pair<std::string, std::size_t>> covariate_columns() {
     std::vector<std::pair<std::string, std::size_t>> covariates;
     for (std::size_t c = 0; c < columns_.size(); ++c) {
       if (roles_.has(c)) continue;
@@ -1038,15 +1109,50 @@ class TableImport {
                             hint_for(c));
         continue;
       }
-      std::string name = names_[c];
-      if (known.contains(name)) {
-        name = "column_" + name;
-        while (std::find(names_.begin(), names_.end(), name) != names_.end()) name += "_";
-        renamed_.push_back(in_quotes(names_[c]) + " as " + in_quotes(name));
-      }
-      covariates.emplace_back(name, c);
+      covariates.emplace_back(covariate_name(c), c);
     }
     return covariates;
+  }
+
+  /// Every column that stands for nothing else, of numbers or not.
+  std::vector<std::pair<std::string, std::size_t>> other_columns() {
+    std::vector<std::pair<std::string, std::size_t>> others;
+    for (std::size_t c = 0; c < columns_.size(); ++c)
+      if (!roles_.has(c) && !names_[c].empty()) others.emplace_back(covariate_name(c), c);
+    return others;
+  }
+
+  // -- readings alone
+
+  /// A row of the table as it was, quoted where its own separator asks for it.
+  std::string joined(const std::vector<std::string>& fields) const {
+    std::string line;
+    for (std::size_t c = 0; c < fields.size(); ++c) {
+      if (c > 0) line += separator_;
+      const bool plain = fields[c].find_first_of(std::string("\"\r\n") + separator_) == std::string::npos;
+      if (plain) {
+        line += fields[c];
+        continue;
+      }
+      line += '"';
+      for (const char letter : fields[c]) line.append(letter == '"' ? 2 : 1, letter);
+      line += '"';
+    }
+    return line;
+  }
+
+  static std::string number_field(double value) {
+    return std::isnan(value) ? "NA" : fmt::format("{}", value);
+  }
+
+  /// A field as 'correct' reads it: nothing for a missing value, no decimal comma; else as it is.
+  std::string as_field(std::string_view field, std::size_t column) const {
+    double value = 0.0;
+    bool comma = false;
+    if (reader_.is_missing(field)) return "";
+    const bool number = columns_[column].fault(commas_are_decimal()).first == 0 &&
+                        reader_.read(field, value, comma) == FieldReader::Kind::number;
+    return number && (comma || field.front() == '+') ? number_field(value) : csv_field(std::string(field));
   }
 
   std::string hint_for(std::size_t column) const {
@@ -1104,12 +1210,14 @@ class TableImport {
                             : separator_ == ';'  ? "semicolons"
                             : separator_ == '\t' ? "tabs"
                                                  : "bars";
-    const bool commas = std::any_of(columns_.begin(), columns_.end(), [](const auto& column) {
-      return column.decimal_commas() && !column.values().empty();
-    });
     return fmt::format("Table      {}: {} rows, {} columns separated by {}{}\n", given_.source,
                        lines_.size() + blank_.size(), names_.size(), separator,
-                       commas ? ", decimal commas" : "");
+                       decimal_commas() ? ", decimal commas" : "");
+  }
+  bool decimal_commas() const {
+    return std::any_of(columns_.begin(), columns_.end(), [](const auto& column) {
+      return column.decimal_commas() && !column.values().empty();
+    });
   }
 
   std::string covariate_words(const Recording& recording) const {
@@ -1129,6 +1237,7 @@ class TableImport {
   }
 
   const TableOptions& given_;
+  Holds holds_;
   FieldReader reader_;
   std::string text_;
   char separator_;
@@ -1147,19 +1256,6 @@ class TableImport {
   std::string words_;
 };
 
-void check_table_options(TableOptions& given) {
-  const std::map<std::string, std::string> separators{
-      {"comma", ","}, {"semicolon", ";"}, {"tab", "\t"}, {"bar", "|"}};
-  if (const auto word = separators.find(given.separator); word != separators.end())
-    given.separator = word->second;
-  if (!given.separator.empty() && std::string_view(",;\t|").find(given.separator) == std::string_view::npos)
-    throw InputError("--separator: '" + shortened(given.separator) +
-                     "' is none of comma, semicolon, tab, bar");
-  if (!given.decimal.empty() && given.decimal != "comma" && given.decimal != "point")
-    throw InputError("--decimal: '" + shortened(given.decimal) + "' is neither comma nor point");
-  if (given.skip < 0) throw InputError("--skip must not be negative");
-}
-
 std::function<Imported()> add_csv(CLI::App& command) {
   const auto given = std::make_shared<TableOptions>();
   command
@@ -1167,30 +1263,8 @@ std::function<Imported()> add_csv(CLI::App& command) {
                   "the table: CSV as a spreadsheet, a logger or a data frame writes it")
       ->required();
   command.add_option("--true", given->truth, "name of the column with the true distances");
-  command.add_option("--reading", given->reading, "name of the column with what the sensor read");
-  command.add_option("--batch", given->batch,
-                     "column of labels: readings of one fixed distance belong together");
-  command.add_option(
-      "--landmark", given->landmark,
-      "column of labels: which target or surface was read, or which of several sensors read it");
-  command.add_option("--bearing", given->bearing, "column of the direction in the sensor's frame");
-  command.add_option("--time", given->time,
-                     "column of times: numbers, or as ISO 8601 has them (2024-05-01T12:00:00.5)");
-  command.add_option("--unit", given->unit, "of truth and reading: m, mm, cm, um, km, in, ft or yd");
   command.add_option("--true-unit", given->true_unit, "of the true distances alone");
-  command.add_option(
-      "--reading-unit", given->reading_unit,
-      "of the readings alone; V, mV, counts, ticks, us, raw, ... are no lengths: such readings stay as they are");
-  command.add_option("--bearing-unit", given->bearing_unit, "rad, deg or mrad");
-  command.add_option("--time-unit", given->time_unit, "of times that are numbers: s, ms, us, ns, min or h");
-  command.add_option("--separator", given->separator,
-                     "comma, semicolon, tab or bar, where it is not told rightly");
-  command.add_option("--decimal", given->decimal, "comma or point, where 1,234 may be either");
-  command
-      .add_option("--missing", given->missing,
-                  "a text that stands for no value, such as ERR; may be given again")
-      ->allow_extra_args(false);
-  command.add_option("--skip", given->skip, "lines above the header row")->capture_default_str();
+  add_table_options(command, *given);
   command.add_option("--name", given->name, "of the sensor; else the file's");
   command.footer(
       "A row of the table is one reading of a target at a known distance. Every other column of numbers is kept as a\n"
@@ -1207,7 +1281,7 @@ std::function<Imported()> add_csv(CLI::App& command) {
       "  rangecal calibrate rec && rangecal diagnose rec");
   return [given] {
     check_table_options(*given);
-    return TableImport(*given, read_file(given->source)).run();
+    return TableImport(*given, read_file(given->source), TableImport::Holds::truth_and_reading).pairs();
   };
 }
 
@@ -1215,4 +1289,55 @@ const bool kCsvKnown =
     know_importer({"csv", "any table with a column of true distances and one of readings", add_csv});
 
 }  // namespace
+
+void check_table_options(TableOptions& given) {
+  const std::map<std::string, std::string> separators{
+      {"comma", ","}, {"semicolon", ";"}, {"tab", "\t"}, {"bar", "|"}};
+  if (const auto word = separators.find(given.separator); word != separators.end())
+    given.separator = word->second;
+  if (!given.separator.empty() && std::string_view(",;\t|").find(given.separator) == std::string_view::npos)
+    throw InputError("--separator: '" + shortened(given.separator) +
+                     "' is none of comma, semicolon, tab, bar");
+  if (!given.decimal.empty() && given.decimal != "comma" && given.decimal != "point")
+    throw InputError("--decimal: '" + shortened(given.decimal) + "' is neither comma nor point");
+  if (given.skip < 0) throw InputError("--skip must not be negative");
+}
+
+bool TableOptions::says_something() const {
+  const auto texts = {truth,     reading,      batch,        landmark,  bearing,   time,    unit,
+                      true_unit, reading_unit, bearing_unit, time_unit, separator, decimal, name};
+  return skip != 0 || !missing.empty() ||
+         std::any_of(texts.begin(), texts.end(), [](const std::string& text) { return !text.empty(); });
+}
+
+void add_table_options(CLI::App& command, TableOptions& given, const std::string& group) {
+  const auto option = [&](const char* name, auto& value, const char* what) {
+    CLI::Option* added = command.add_option(name, value, what);
+    if (!group.empty()) added->group(group);
+    return added;
+  };
+  option("--reading", given.reading, "name of the column with what the sensor read");
+  option("--batch", given.batch, "column of labels: readings of one fixed distance belong together");
+  option("--landmark", given.landmark,
+         "column of labels: which target or surface was read, or which of several sensors read it");
+  option("--bearing", given.bearing, "column of the direction in the sensor's frame");
+  option("--time", given.time, "column of times: numbers, or as ISO 8601 has them (2024-05-01T12:00:00.5)");
+  option("--unit", given.unit, "of distances and readings: m, mm, cm, um, km, in, ft or yd");
+  option(
+      "--reading-unit", given.reading_unit,
+      "of the readings alone; V, mV, counts, ticks, us, raw, ... are no lengths: such readings stay as they are");
+  option("--bearing-unit", given.bearing_unit, "rad, deg or mrad");
+  option("--time-unit", given.time_unit, "of times that are numbers: s, ms, us, ns, min or h");
+  option("--separator", given.separator, "comma, semicolon, tab or bar, where it is not told rightly");
+  option("--decimal", given.decimal, "comma or point, where 1,234 may be either");
+  option("--missing", given.missing, "a text that stands for no value, such as ERR; may be given again")
+      ->allow_extra_args(false);
+  option("--skip", given.skip, "lines above the header row")->capture_default_str();
+}
+
+ReadingsTable read_readings(TableOptions given, std::string text) {
+  check_table_options(given);
+  return TableImport(given, std::move(text), TableImport::Holds::reading).readings();
+}
+
 }  // namespace rangecal::ingest

@@ -410,6 +410,87 @@ TEST_F(CorrectCommand, SaysThatOutliersAreNotKnown) {
                 "known, and std_m is that of the others\n"));
 }
 
+TEST_F(CorrectCommand, YourOwnTableKeepsItsRowsAndColumns) {
+  // As a spreadsheet of a language with decimal commas writes it; f(d) = 0.1 + 0.5 d, so 1100 mm is 2 m.
+  Calibration calibration = line();
+  calibration.kind = RecordingKind::pairs;
+  calibration.labels = {"links", "rechts; neu"};
+  calibration.effects["device_offset"] = offset_of_second(0.03);
+  const std::string json = save(calibration);
+  folder.write(
+      "log.csv",
+      "sep=;\r\nZeit;roh [mm];Sensor;Notiz\r\n2024-05-01T12:00:00;1100;links;\"gut, \"\"sehr\"\"\"\r\n"
+      ";;;\r\n12:01;600,5;\"rechts; neu\";\r\n;;links;\r\n;1100;;\r\n");
+  const std::string command =
+      "correct " + json + " " + folder.file("log.csv") + " --reading 'roh [mm]' --landmark Sensor";
+  const RunResult kept = run(command + " --keep");
+  ASSERT_EQ(kept.code, 0) << kept.err;
+  EXPECT_EQ(kept.out,
+            "Zeit;roh [mm];Sensor;Notiz;distance_m;std_m;flag\n"
+            "2024-05-01T12:00:00;1100;links;\"gut, \"\"sehr\"\"\";2,000000;0,020000;ok\n"
+            "12:01;600,5;\"rechts; neu\";;0,941000;0,020000;ok\n"
+            ";;links;;;;missing\n"
+            ";1100;;;;;missing\n");
+  EXPECT_THAT(kept.err, HasSubstr("the reading is column 'roh [mm]', in mm, by its name; landmark is column "
+                                  "'Sensor'\n"));
+  const RunResult alone = run(command);
+  EXPECT_EQ(
+      alone.out,
+      "reading_m,distance_m,std_m,candidate,flag\n1.1,2.000000,0.020000,1,ok\n0.6005,0.941000,0.020000,1,ok\n"
+      ",,,,missing\n1.1,,,,missing\n");
+}
+
+TEST_F(CorrectCommand, AKeptRowHasItsMostLikelyDistanceAlone) {
+  // f(d) = 1 + (d - 1)^2 is 1.25 at 0.5 and at 1.5 m.
+  Calibration bowl = line();
+  bowl.alpha = Eigen::Vector3d(2.0, -2.0, 1.0);
+  bowl.range_min_m = 0.2, bowl.range_max_m = 3.0;
+  const std::string json = save(bowl), table = "who,range_m,distance_m\nme,1.25,7\nyou,1.16,8\n";
+  const RunResult all = run("correct " + json, table), kept = run("correct " + json + " --keep", table);
+  ASSERT_EQ(kept.code, 0) << kept.err;
+  EXPECT_EQ(count_of(all.out, "ambiguous"), 4) << all.out;
+  EXPECT_THAT(kept.out, HasSubstr("who,range_m,distance_m,distance_m_corrected,std_m,flag\nme,1.25,7,"));
+  EXPECT_EQ(count_of(kept.out, "\n"), 3) << kept.out;
+  const std::string first = all.out.substr(all.out.find("1.25,") + 5, 17);  // distance_m,std_m
+  EXPECT_THAT(kept.out, HasSubstr("me,1.25,7," + first + ",ambiguous\n"));
+  const RunResult prior =
+      run("correct " + json + " --keep --prior map", "raw_mm,prior_m,prior_sigma_m\n1250,1.5,0.05\n");
+  EXPECT_THAT(prior.out,
+              HasSubstr("raw_mm,prior_m,prior_sigma_m,distance_m,std_m,flag,probability,mode_m,mean_m,"
+                        "low95_m,high95_m\n1250,1.5,0.05,1.4997"));
+  EXPECT_EQ(count_of(prior.out, "\n"), 2) << prior.out;
+}
+
+TEST_F(CorrectCommand, YourOwnTableIsReadAsImportReadsIt) {
+  Calibration calibration = line();
+  calibration.effects["range_scale"] = {{"scale", 0.01}, {"form", 1.0}};  // with temperature_c
+  const std::string json = save(calibration);
+  // At 20 C 1.1 is 2 m; a number with a sign, an error of a spreadsheet, a column whose name means something else in a recording.
+  const RunResult result = run("correct " + json + " --reading sonar --unit cm",
+                               "sonar,temperature_c,time_s,stop\n+110,+20,late,a\n110,#N/A,,b\n");
+  EXPECT_EQ(result.out,
+            "reading_m,distance_m,std_m,candidate,flag\n1.1,2.000000,0.020000,1,ok\n1.1,,,,missing\n")
+      << result.err;
+  const auto refused = [&](const std::string& options, const std::string& table, const std::string& what) {
+    const RunResult run_result = run("correct " + json + " " + options, table);
+    EXPECT_EQ(run_result.code, 2) << table;
+    EXPECT_EQ(run_result.out, "") << table;
+    EXPECT_THAT(run_result.err, HasSubstr(what)) << table;
+  };
+  refused("--reading sonnar", "sonar,temperature_c\n1,20\n",
+          "there is no column 'sonnar', did you mean 'sonar'?; the columns are 'sonar', 'temperature_c'");
+  refused("--unit cm", "sonar,temperature_c\n1,20\n", "which column is the reading? say --reading COLUMN");
+  refused("--reading sonar", "sonar,temperature_c\n1,20\nx,20\n",
+          "row 3, column 'sonar': 'x' is not a number");
+  refused("--reading sonar --skip 2", "made by me\n\nsonar,temperature_c\n1,20\n\n1,warm\n",
+          "row 6, column 'temperature_c': 'warm' is not a number");
+  // a decimal comma, or one between thousands?
+  refused("--reading sonar", "sonar,temperature_c\n1,\"1,234\"\n",
+          "row 2, column 'temperature_c': '1,234' is not a number");
+  refused("--keep", "1.1\n1.2\n", "holds numbers where the columns' names are expected");
+  refused("", "sonar,temperature_c\n1,20\n", "say --reading COLUMN");
+}
+
 TEST_F(CorrectCommand, ATextInAColumnThatAnEffectNeedsIsNamed) {
   Calibration calibration = line();
   calibration.effects["range_eccentricity"] = {{"cosine_m", 0.02}, {"sine_m", 0.0}};
