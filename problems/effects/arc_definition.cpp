@@ -6,7 +6,7 @@
 //     nearest point
 //
 // Acts before the curve: delta r = f(d + kappa R) - f(d). Exact twin of radius_scale with kappa = -scale;
-// the change of kappa with distance (0.176 at D = 0.5 m, R = 0.12 m) is left to the curve. Source: derived: mean depth
+// of the change of kappa with distance (0.176 at D = 0.5 m, R = 0.12 m) the curve takes up what all landmarks share. Source: derived: mean depth
 // R (1 - pi/4) of parallel beams on a circle.
 #include "rangecal/problems/effects/effect.hpp"
 

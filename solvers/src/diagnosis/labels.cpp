@@ -21,6 +21,15 @@
 namespace rangecal::diagnosis {
 namespace {
 
+/// "2, 5, 7", of many the first ones: "2, 5, 7, ...".
+std::string stop_labels(const Recording& recording, const std::vector<int>& stops) {
+  constexpr std::size_t most = 12;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(stops.size(), most); ++i)
+    text += (text.empty() ? "" : ", ") + recording.stops[static_cast<std::size_t>(stops[i])].label;
+  return stops.size() > most ? text + ", ..." : text;
+}
+
 /// Where the readings put the landmarks, the stops where they were commanded.
 struct Map {
   std::vector<Eigen::Vector2d> at;  ///< every reading
@@ -99,8 +108,8 @@ void correct_labels(Recording& recording, Bookkeeping& found) {
     q.group = recording.landmarks[pair.first].label + ", " + recording.landmarks[pair.second].label;
     found.findings.push_back(q);
     found.notes.push_back(
-        fmt::format("the labels {} were exchanged at {} stop(s); they were put back before fitting", q.group,
-                    stops.size()));
+        fmt::format("the labels {} were exchanged at {} stop(s), {}; they were put back before fitting",
+                    q.group, stops.size(), stop_labels(recording, stops)));
   }
 }
 

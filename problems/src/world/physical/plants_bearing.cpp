@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Departures of the turning head: B1 to B7 of the catalogue.
+#include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "plant_entry.hpp"
+#include "rangecal/problems/world/physical/robot_path.hpp"
+#include "rangecal/problems/world/physical/simulate.hpp"
+#include "rangecal/problems/world/physical/spinning_head.hpp"
 
 namespace rangecal::world {
 namespace {
@@ -51,7 +56,7 @@ void bearing_scale(World& world, double size, Random&) {
 void bearing_quantisation(World& world, double size, Random& random) {
   world.head.beam_grid_rad = size;
   world.head.beam_grid_phase_rad = size * random.uniform();
-  world.truth["bearing_quantisation.step_rad"] = size;
+  world.truth["bearing_quantisation.step_rad"] = 0.5 * size;  // of the bearings: middles of two beams
 }
 
 void sweep_motion(World& world, double size, Random&) {
@@ -60,10 +65,25 @@ void sweep_motion(World& world, double size, Random&) {
   world.truth["sweep_motion.period_s"] = world.head.sweep_period_s;
 }
 
+/// How far the head is still turned at a stop's first reading, on average over the stops.
+double first_yaw_rad(const World& world) {
+  World once = world;
+  once.timing.repeats = 1;
+  std::map<int, double> first_s;  // since the robot stopped, by stop
+  for (const Exposure& exposure : expose(once, true_stops(once, no_placing_error(once)))) {
+    const double since = exposure.time_s - exposure.stop * stop_period_s(once);
+    const auto [at, added] = first_s.try_emplace(exposure.stop, since);
+    if (!added) at->second = std::min(at->second, since);
+  }
+  double sum = 0.0;
+  for (const auto& [stop, since] : first_s) sum += swing_rad(world.head, since);
+  return first_s.empty() ? 0.0 : sum / static_cast<double>(first_s.size());
+}
+
 void settling(World& world, double size, Random& random) {
   world.head.swing_rad = size;
   world.head.swing_time_s = random.uniform(0.3, 1.0);
-  world.truth["settling.amplitude_rad"] = size;
+  world.truth["settling.amplitude_rad"] = first_yaw_rad(world);
   world.truth["settling.time_s"] = world.head.swing_time_s;
 }
 

@@ -42,10 +42,10 @@ void pixel_locking(World& world, double size, Random&) {
   const double amplitude = std::max(size, 1e-9);
   world.sensor.spot_sigma_px = std::sqrt(std::max(1e-4, -std::log(pi * amplitude) / (2.0 * pi * pi)));
   world.truth["pixel_locking.amplitude_px"] = size;
-  world.truth["pixel_locking.period_per_m"] =
-      1e3 * world.sensor.pitch_mm / world.sensor.nominal_fs_mm_sq();  // in 1/d
-  world.truth["pixel_locking.amplitude_per_m"] =
-      size * 1e3 * world.sensor.pitch_mm / world.sensor.nominal_fs_mm_sq();
+  // A spot at d lies on the pixel f s / (d p), by the true constants.
+  const double pixel_per_m = 1e3 * world.sensor.pitch_mm / (world.sensor.focal_mm * world.sensor.baseline_mm);
+  world.truth["pixel_locking.period_per_m"] = pixel_per_m;  // in 1/d
+  world.truth["pixel_locking.amplitude_per_m"] = size * pixel_per_m;
 }
 
 void quantisation(World& world, double size, Random&) {

@@ -107,6 +107,17 @@ TEST(HeadPlants, SwingDiesAwayOverTheRepeats) {
                      return -0.01745 * std::exp(-since / change.truth("settling.time_s"));
                    }),
             0.1);  // the fast part of the damped swing is a twentieth
+  // The amplitude is that of the catalogue's formula: at the first reading of a stop, less than when the robot stopped.
+  double sum = 0.0;
+  int stops = 0;
+  for (std::size_t i = 0; i < change.bearing_rad.size(); ++i) {
+    double first = change.time_s[i];
+    for (std::size_t j = 0; j < change.bearing_rad.size(); ++j)
+      if (change.before.stop[j] == change.before.stop[i]) first = std::min(first, change.time_s[j]);
+    if (change.time_s[i] == first) sum -= change.bearing_rad[i], ++stops;
+  }
+  EXPECT_NEAR(change.truth("settling.amplitude_rad"), sum / stops, 2e-4);
+  EXPECT_LT(change.truth("settling.amplitude_rad"), 0.01745);
 }
 
 TEST(RobotPlants, PathScaleCurvatureAndDrift) {
