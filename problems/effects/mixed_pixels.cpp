@@ -11,7 +11,8 @@
 // (0.20 w)^2. A centroid that moved by u reads as (d / s) u. Taken as normal. Neither spot nor baseline is known: w and k are
 // estimated apart, so that a spot of another profile, which changes the 0.20 alone, is the same law.
 //
-// Source: derived; Curless and Levoy, "Better optical triangulation through spacetime analysis", 1995, on spots cut by edges.
+// Source: derived: the centroid of a Gaussian spot cut by an edge, moved by u, reads as (d / s) u; Curless and Levoy 1995
+// ("Better optical triangulation through spacetime analysis", on spots cut by edges).
 #include <algorithm>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -14,8 +14,13 @@ namespace {
 
 TEST(OldBounds, SizesByHand) {
   const world::World clean = world::make_turning_design();
-  // settling: 1.5 x 0.0873 rad. A tilt's bound was on its square: sqrt(2 x 0.0305 rad^2) = 0.24698 rad.
-  EXPECT_NEAR(size_at_old_bounds(clean, "settling", 1, 1.5), 0.13095, 1e-6);
+  // The bound of settling, 0.0873 rad, was on the yaw at a stop's first reading; a size is the yaw where the robot stops, which is larger.
+  const double swing = size_at_old_bounds(clean, "settling", 1, 1.5);
+  Random random(1);
+  EXPECT_NEAR(world::apply(clean, "settling", swing, random).truth.at("settling.amplitude_rad"), 0.13095,
+              1e-6);
+  EXPECT_GT(swing, 0.13095);
+  // A tilt's bound was on its square: sqrt(2 x 0.0305 rad^2) = 0.24698 rad.
   EXPECT_NEAR(size_at_old_bounds(clean, "tilt", 1, 2.0), 0.24698, 1e-4);
   // The simulator takes 0.0873 rad over the run for plausible, 1.666 times 0.0524 rad.
   EXPECT_NEAR(most_old_bounds(clean, "bearing_drift", 1), 1.666, 1e-3);
