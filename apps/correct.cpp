@@ -148,7 +148,7 @@ class Beyond {
 class AnswerLines {
  public:
   /// `more`: columns that follow the flag, each with a comma before it.
-  explicit AnswerLines(const ingest::ReadingsTable* kept, const std::string& more) : kept_(kept) {
+  AnswerLines(const ingest::ReadingsTable* kept, const std::string& more) : kept_(kept) {
     if (!kept) {
       fmt::print("reading_m,distance_m,std_m,candidate,flag{}\n", more);
       return;
@@ -171,19 +171,22 @@ class AnswerLines {
                  candidate, flag, more);
       return;
     }
-    if (row + 1 == printed_) return;
+    if (row < printed_) return;
     printed_ = row + 1;
     std::string answer = fmt::format(",{},{}{}", distance_and_std, flag, more);
-    for (char& c : answer)
-      c = c == ','                                                       ? kept_->separator
-          : c == '.' && kept_->decimal_commas && kept_->separator != ',' ? ','
-                                                                         : c;
+    const bool commas = kept_->decimal_commas && kept_->separator != ',';
+    for (char& c : answer) {
+      if (c == ',')
+        c = kept_->separator;
+      else if (c == '.' && commas)
+        c = ',';
+    }
     fmt::print("{}{}\n", kept_->lines[row + 1], answer);
   }
 
  private:
   const ingest::ReadingsTable* kept_;
-  std::size_t printed_ = 0;
+  std::size_t printed_ = 0;  ///< rows of the table so far
 };
 
 void print_correction(AnswerLines& lines, std::size_t row, double reading,
@@ -399,10 +402,10 @@ struct CorrectCommand {
     if (keep || own.says_something()) {
       ingest::TableOptions options = own;
       options.source = name;
-      own_table = ingest::read_readings(options, std::move(text));
+      own_table = ingest::read_readings(std::move(options), std::move(text));
       text = std::move(own_table->csv);
       for (const std::string& line : own_table->warnings) fmt::print(stderr, "rangecal: {}\n", line);
-      if (!own_table->words.empty()) fmt::print(stderr, "rangecal: {}: {}\n", name, own_table->words);
+      fmt::print(stderr, "rangecal: {}: {}\n", name, own_table->words);
     }
     const ingest::ReadingsTable* const kept = keep ? &*own_table : nullptr;
     const std::vector<double> readings = readings_from(text, name);

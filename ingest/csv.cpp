@@ -12,6 +12,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
@@ -606,36 +607,44 @@ class TableImport {
                                      {roles_.time, "time"},
                                      {roles_.bearing, "bearing"}})
       if (role) table.words += fmt::format("; {} is column {}", what, in_quotes(names_[*role]));
-    const std::vector<std::pair<std::string, std::size_t>> others = other_columns();
-    const auto label = [](const Labels& labels, std::size_t i) {
-      const int number = labels.of_row[i];
-      return number < 0 ? "" : csv_field(labels.names[static_cast<std::size_t>(number)]);
-    };
     CsvRows rows = CsvRows::parse(text_, given_.source, separator_);  // once more, for the fields as they are
-    std::vector<std::string> own(rows.columns());
+    using Field = std::function<std::string(std::size_t row)>;
+    const auto label_of = [](const Labels& labels) -> Field {
+      return [&labels](std::size_t i) {
+        const int number = labels.of_row[i];
+        return number < 0 ? "" : csv_field(labels.names[static_cast<std::size_t>(number)]);
+      };
+    };
+    const auto value_of = [](const std::vector<double>& values) -> Field {
+      return [&values](std::size_t i) { return number_field(values[i]); };
+    };
+    std::vector<std::pair<std::string, Field>> columns{
+        {"reading_m",
+         [&](std::size_t i) { return number_field(readings.empty() ? nothing : scale.si(readings[i])); }}};
+    if (!time.empty()) columns.emplace_back("time_s", value_of(time));
+    if (!bearing.empty()) columns.emplace_back("bearing_rad", value_of(bearing));
+    if (roles_.landmark) columns.emplace_back("landmark", label_of(landmarks_));
+    if (roles_.batch) columns.emplace_back("batch", label_of(batches_));
+    for (const auto& [name, column] : other_columns())
+      columns.emplace_back(csv_field(name),
+                           [&rows, this, c = column](std::size_t) { return as_field(rows.text(c), c); });
+
     int line = 1;
-    const auto add = [&](int in_line, const std::string& row) {
+    const auto add = [&](int in_line, const std::string& row, const std::string& as_it_was) {
       table.csv.append(static_cast<std::size_t>(std::max(0, in_line - line)), '\n') += row + "\n";
       line = std::max(line, in_line) + 1 + static_cast<int>(std::count(row.begin(), row.end(), '\n'));
-      table.lines.push_back(joined(own));
+      table.lines.push_back(as_it_was);
     };
-    std::string row = "reading_m";
-    if (!time.empty()) row += ",time_s";
-    if (!bearing.empty()) row += ",bearing_rad";
-    if (roles_.landmark) row += ",landmark";
-    if (roles_.batch) row += ",batch";
-    for (const auto& [name, column] : others) row += "," + csv_field(name);
-    add(rows.line(), row);
+    std::string row;
+    for (const auto& [name, field] : columns) row += (row.empty() ? "" : ",") + name;
+    add(rows.line(), row, joined(rows.columns()));
+    std::vector<std::string> own(names_.size());
     for (std::size_t i = 0; i < lines_.size(); ++i) {
       while (rows.next() && rows.line() != lines_[i]) continue;
-      row = number_field(readings.empty() ? nothing : scale.si(readings[i]));
-      if (!time.empty()) row += "," + number_field(time[i]);
-      if (!bearing.empty()) row += "," + number_field(bearing[i]);
-      if (roles_.landmark) row += "," + label(landmarks_, i);
-      if (roles_.batch) row += "," + label(batches_, i);
-      for (const auto& [name, column] : others) row += "," + as_field(rows.text(column), column);
+      row.clear();
+      for (const auto& [name, field] : columns) row += (row.empty() ? "" : ",") + field(i);
       for (std::size_t c = 0; c < own.size(); ++c) own[c] = rows.text(c);
-      add(lines_[i], row);
+      add(lines_[i], row, joined(own));
     }
     table.warnings = std::move(warnings_);
     return table;
@@ -1124,19 +1133,11 @@ class TableImport {
 
   // -- readings alone
 
-  /// A row of the table as it was, quoted where its own separator asks for it.
   std::string joined(const std::vector<std::string>& fields) const {
     std::string line;
     for (std::size_t c = 0; c < fields.size(); ++c) {
       if (c > 0) line += separator_;
-      const bool plain = fields[c].find_first_of(std::string("\"\r\n") + separator_) == std::string::npos;
-      if (plain) {
-        line += fields[c];
-        continue;
-      }
-      line += '"';
-      for (const char letter : fields[c]) line.append(letter == '"' ? 2 : 1, letter);
-      line += '"';
+      line += csv_field(fields[c], separator_);
     }
     return line;
   }
@@ -1256,6 +1257,19 @@ class TableImport {
   std::string words_;
 };
 
+void check_table_options(TableOptions& given) {
+  const std::map<std::string, std::string> separators{
+      {"comma", ","}, {"semicolon", ";"}, {"tab", "\t"}, {"bar", "|"}};
+  if (const auto word = separators.find(given.separator); word != separators.end())
+    given.separator = word->second;
+  if (!given.separator.empty() && std::string_view(",;\t|").find(given.separator) == std::string_view::npos)
+    throw InputError("--separator: '" + shortened(given.separator) +
+                     "' is none of comma, semicolon, tab, bar");
+  if (!given.decimal.empty() && given.decimal != "comma" && given.decimal != "point")
+    throw InputError("--decimal: '" + shortened(given.decimal) + "' is neither comma nor point");
+  if (given.skip < 0) throw InputError("--skip must not be negative");
+}
+
 std::function<Imported()> add_csv(CLI::App& command) {
   const auto given = std::make_shared<TableOptions>();
   command
@@ -1289,19 +1303,6 @@ const bool kCsvKnown =
     know_importer({"csv", "any table with a column of true distances and one of readings", add_csv});
 
 }  // namespace
-
-void check_table_options(TableOptions& given) {
-  const std::map<std::string, std::string> separators{
-      {"comma", ","}, {"semicolon", ";"}, {"tab", "\t"}, {"bar", "|"}};
-  if (const auto word = separators.find(given.separator); word != separators.end())
-    given.separator = word->second;
-  if (!given.separator.empty() && std::string_view(",;\t|").find(given.separator) == std::string_view::npos)
-    throw InputError("--separator: '" + shortened(given.separator) +
-                     "' is none of comma, semicolon, tab, bar");
-  if (!given.decimal.empty() && given.decimal != "comma" && given.decimal != "point")
-    throw InputError("--decimal: '" + shortened(given.decimal) + "' is neither comma nor point");
-  if (given.skip < 0) throw InputError("--skip must not be negative");
-}
 
 bool TableOptions::says_something() const {
   const auto texts = {truth,     reading,      batch,        landmark,  bearing,   time,    unit,

@@ -20,19 +20,17 @@ struct TableOptions {
 
 /// The options that `import csv` and `correct` have in common, in a group of --help where one is named.
 void add_table_options(CLI::App& command, TableOptions& given, const std::string& group = "");
-/// Throws InputError for a separator, a decimal sign or a number of lines that is none.
-void check_table_options(TableOptions& given);
 
 /// Someone's own table of readings without true distances.
 struct ReadingsTable {
-  std::string
-      csv;  ///< as 'correct' reads it: reading_m, what there is of time_s, landmark, batch and bearing_rad, and
-            ///< every other column by the name that 'import csv' gives it; each row in the line that it had
+  /// As 'correct' reads it: reading_m, what there is of time_s, landmark, batch and bearing_rad, and every other column by the
+  /// name that 'import csv' gives it; each row in the line that it had.
+  std::string csv;
+  /// Its header and its rows that are not blank, as they were, their fields apart by `separator`.
+  std::vector<std::string> lines;
+  std::vector<std::string> columns;   ///< the table's own
   std::string words;                  ///< which columns were taken as what, in one line
   std::vector<std::string> warnings;  ///< what speaks against that
-  std::vector<std::string> columns;   ///< the table's own
-  std::vector<std::string>
-      lines;  ///< its header and its rows that are not blank, as they were, their fields apart by `separator`
   char separator = ',';
   bool decimal_commas = false;
 };

@@ -359,18 +359,18 @@ TEST_F(CorrectCommand, SaysThatAnEffectOnALandmarkWithoutALabelIsNotUndone) {
   EXPECT_THAT(listed.out, HasSubstr("1.1,1.940000,"));  // (1.1 - 0.03 - 0.1) / 0.5
 }
 
-/// Of `device_offset`: all of its parameters.
-std::map<std::string, double> offset_of_second(double offset_m) {
-  std::map<std::string, double> parameters;
-  for (int l = 1; l <= 12; ++l) parameters["offset_" + std::to_string(l) + "_m"] = l == 1 ? offset_m : 0.0;
-  return parameters;
+/// line(), and the second device reads 3 cm more than the first.
+Calibration two_devices(const std::string& first, const std::string& second) {
+  Calibration calibration = line();
+  calibration.kind = RecordingKind::pairs;
+  calibration.labels = {first, second};
+  auto& offsets = calibration.effects["device_offset"];
+  for (int l = 1; l <= 12; ++l) offsets["offset_" + std::to_string(l) + "_m"] = l == 1 ? 0.03 : 0.0;
+  return calibration;
 }
 
 TEST_F(CorrectCommand, ADeviceThatTheCalibrationDoesNotKnowIsFlagged) {
-  Calibration calibration = line();
-  calibration.kind = RecordingKind::pairs;
-  calibration.labels = {"A", "B"};
-  calibration.effects["device_offset"] = offset_of_second(0.03);
+  Calibration calibration = two_devices("A", "B");
   const std::string json = save(calibration);
   const RunResult result = run("correct " + json, "range_m,landmark\n1.1,A\n1.1,B\n1.1,C\n1.1,D\n");
   EXPECT_EQ(
@@ -387,10 +387,7 @@ TEST_F(CorrectCommand, ADeviceThatTheCalibrationDoesNotKnowIsFlagged) {
 }
 
 TEST_F(CorrectCommand, NamesAllColumnsThatAreMissing) {
-  Calibration calibration = line();
-  calibration.kind = RecordingKind::pairs;
-  calibration.labels = {"A", "B"};
-  calibration.effects["device_offset"] = offset_of_second(0.03);
+  Calibration calibration = two_devices("A", "B");
   calibration.effects["range_scale"] = {{"scale", 0.01}, {"form", 1.0}};
   const RunResult result = run("correct " + save(calibration), "range_m\n1.1\n");
   EXPECT_EQ(result.code, 2);
@@ -412,11 +409,7 @@ TEST_F(CorrectCommand, SaysThatOutliersAreNotKnown) {
 
 TEST_F(CorrectCommand, YourOwnTableKeepsItsRowsAndColumns) {
   // As a spreadsheet of a language with decimal commas writes it; f(d) = 0.1 + 0.5 d, so 1100 mm is 2 m.
-  Calibration calibration = line();
-  calibration.kind = RecordingKind::pairs;
-  calibration.labels = {"links", "rechts; neu"};
-  calibration.effects["device_offset"] = offset_of_second(0.03);
-  const std::string json = save(calibration);
+  const std::string json = save(two_devices("links", "rechts; neu"));
   folder.write(
       "log.csv",
       "sep=;\r\nZeit;roh [mm];Sensor;Notiz\r\n2024-05-01T12:00:00;1100;links;\"gut, \"\"sehr\"\"\"\r\n"

@@ -111,10 +111,10 @@ std::string missing_column(const std::vector<std::string>& columns, std::string_
 
 }  // namespace io
 
-std::string csv_field(const std::string& text) {
+std::string csv_field(const std::string& text, char separator) {
   const bool spaced = !text.empty() && (text.front() == ' ' || text.front() == '\t' || text.back() == ' ' ||
                                         text.back() == '\t');
-  if (!spaced && text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  if (!spaced && text.find_first_of(std::string("\"\r\n") + separator) == std::string::npos) return text;
   std::string field = "\"";
   for (const char c : text) {
     if (c == '"') field += '"';

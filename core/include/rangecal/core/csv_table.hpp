@@ -53,7 +53,7 @@ class CsvTable {
   std::vector<int> lines_;
 };
 
-/// A text as a CSV field: quoted where it has to be.
-std::string csv_field(const std::string& text);
+/// A text as a field of a table with that separator: quoted where it has to be.
+std::string csv_field(const std::string& text, char separator = ',');
 
 }  // namespace rangecal

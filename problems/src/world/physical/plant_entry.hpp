@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "rangecal/problems/world/physical/plants.hpp"
+#include "rangecal/problems/world/physical/simulate.hpp"
 
 namespace rangecal::world {
 
@@ -26,7 +27,9 @@ std::vector<PlantEntry> outside_plants();
 double any_angle(Random& random);
 /// Index of any landmark.
 std::size_t any_landmark(const World& world, Random& random);
-/// Distances, bearings and intensities of the readings, as commanded and without noise; repeats left out.
+/// The first reading of each landmark from each stop, as commanded and without noise.
+std::vector<Exposure> first_exposures(const World& world);
+/// Of the same: distances, bearings and intensities.
 struct Overview {
   std::vector<double> distance_m, bearing_rad, range_m, intensity;
 };

@@ -38,11 +38,15 @@ std::size_t any_landmark(const World& world, Random& random) {
   return static_cast<std::size_t>(random.index(world.landmarks.size()));
 }
 
-Overview overview(const World& world) {
+std::vector<Exposure> first_exposures(const World& world) {
   World once = world;
   once.timing.repeats = 1;
+  return expose(once, true_stops(once, no_placing_error(once)));
+}
+
+Overview overview(const World& world) {
   Overview out;
-  for (const Exposure& exposure : expose(once, true_stops(once, no_placing_error(once)))) {
+  for (const Exposure& exposure : first_exposures(world)) {
     out.distance_m.push_back(exposure.distance_m);
     out.bearing_rad.push_back(exposure.bearing_rad);
     out.range_m.push_back(exposure.range_m);

@@ -5,8 +5,6 @@
 #include <map>
 
 #include "plant_entry.hpp"
-#include "rangecal/problems/world/physical/robot_path.hpp"
-#include "rangecal/problems/world/physical/simulate.hpp"
 #include "rangecal/problems/world/physical/spinning_head.hpp"
 
 namespace rangecal::world {
@@ -67,13 +65,12 @@ void sweep_motion(World& world, double size, Random&) {
 
 /// How far the head is still turned at a stop's first reading, on average over the stops.
 double first_yaw_rad(const World& world) {
-  World once = world;
-  once.timing.repeats = 1;
-  once.head.swing_rad =
-      0.0;  // a turned head meets its landmarks a little sooner or later: not by the size's first order
+  World still = world;  // what the swing shifts the moments by is of second order in the size
+  still.head.swing_rad = 0.0;
+  still.timing.repeats = 1;
   std::map<int, double> first_s;  // since the robot stopped, by stop
-  for (const Exposure& exposure : expose(once, true_stops(once, no_placing_error(once)))) {
-    const double since = exposure.time_s - exposure.stop * stop_period_s(once);
+  for (const Exposure& exposure : first_exposures(still)) {
+    const double since = exposure.time_s - exposure.stop * stop_period_s(still);
     const auto [at, added] = first_s.try_emplace(exposure.stop, since);
     if (!added) at->second = std::min(at->second, since);
   }
