@@ -25,6 +25,7 @@
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/yaml_reader.hpp"
+#include "rangecal/problems/effects/central_difference.hpp"
 
 namespace rangecal {
 namespace {
@@ -193,15 +194,18 @@ class FormulaEffect final : public Effect {
     return {};
   }
 
-  /// Per unit of a linear parameter: the value at 1 of it, the other linear ones 0, less that at 0 of it too.
+  /// Per unit of a linear parameter: the value at 1 of it, the other linear ones 0, less that at 0 of it too; before the curve,
+  /// which bends it, a central difference.
   std::optional<ReadingChange<double>> slope(const ReadingView<double>& at, const double* p,
                                              int parameter) const override {
     const std::vector<EffectParameter>& parameters = stated_.info.parameters;
-    if (stated_.before_curve || !parameters[static_cast<std::size_t>(parameter)].linear) return std::nullopt;
+    const auto index = static_cast<std::size_t>(parameter);
+    if (!parameters[index].linear) return std::nullopt;
+    if (stated_.before_curve) return central_difference(*this, at, p, parameter);
     std::array<double, most_slots> unit;
     for (std::size_t i = 0; i < parameters.size(); ++i) unit[i] = parameters[i].linear ? 0.0 : p[i];
     const ReadingChange<double> of_others = stated_.rest ? reading(at, unit.data()) : ReadingChange<double>{};
-    unit[static_cast<std::size_t>(parameter)] = 1.0;
+    unit[index] = 1.0;
     ReadingChange<double> change = reading(at, unit.data());
     change.range -= of_others.range;
     change.bearing -= of_others.bearing;

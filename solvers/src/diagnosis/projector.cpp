@@ -21,6 +21,11 @@ JointProblem with_held_spreads(JointProblem problem, const CellGeometry& geometr
   return problem;
 }
 
+bool knows_its_stops(const JointLayout& layout) {
+  return std::none_of(layout.nodes.begin(), layout.nodes.end(),
+                      [](const JointLayout::Node& node) { return node.free_position; });
+}
+
 JointState with_unit_noise(JointState state) {
   state.noise.law = NoiseLaw::constant;
   state.noise.parameters = Eigen::VectorXd::Ones(1);
@@ -93,6 +98,7 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
     stop_errors_.emplace_back(is.x_m - meant.x_m, is.y_m - meant.y_m,
                               wrap_angle(is.heading_rad - meant.heading_rad));
   }
+  if (rows.pairs && knows_its_stops(system_.layout())) powers_ = powers_of_u();
   system_.assemble(with_unit_noise(state), HessianKind::fisher);
   system_.eliminate();
   if (!rows.pairs) beside_known_stops_.compute(information_beside_known_stops());  // of its lower half
@@ -187,14 +193,17 @@ Eigen::MatrixXd Projector::information_beside_known_stops() const {
   return information;
 }
 
+Eigen::MatrixXd Projector::powers_of_u() const {
+  const Eigen::Map<const Eigen::VectorXd> u(geometry_.u.data(), cells());
+  Eigen::MatrixXd powers = Eigen::MatrixXd::Ones(cells(), system_.layout().alpha_count);
+  for (Eigen::Index a = 1; a < powers.cols(); ++a) powers.col(a) = powers.col(a - 1).cwiseProduct(u);
+  return powers;
+}
+
 /// J^T W J of alpha.
 Eigen::MatrixXd Projector::serial_information() const {
-  const int alphas = system_.layout().alpha_count;
-  SerialErrors::Columns columns(cells(), alphas);
-  Eigen::VectorXd power = range_information.cwiseSqrt();
-  const Eigen::Map<const Eigen::VectorXd> u(geometry_.u.data(), cells());
-  for (int a = 0; a < alphas; ++a, power = power.cwiseProduct(u)) columns.col(a) = power;
-  columns = serial_.whitened_columns(std::move(columns));
+  const SerialErrors::Columns columns =
+      serial_.whitened_columns(range_information.cwiseSqrt().asDiagonal() * powers_of_u());
   return columns.transpose() * columns;
 }
 
@@ -203,6 +212,10 @@ Projector::Pulls Projector::pulls(const Signature& x) const {
   const Cells& c = problem_.cells;
   Pulls sum{Eigen::VectorXd::Zero(layout.global_count), Eigen::VectorXd::Zero(layout.coordinates)};
   const Eigen::VectorXd ranges = weighted(x.range);
+  if (only_alpha()) {
+    sum.globals.head(layout.alpha_count) = powers_.transpose() * ranges;
+    return sum;
+  }
   for (int i = 0; i < cells(); ++i) {
     const double range = ranges[i], bearing = bearing_information[i] * x.bearing[i];
     double power = range;
@@ -221,6 +234,11 @@ Projector::Pulls Projector::pulls(const Signature& x) const {
 
 void Projector::absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const {
   const Pulls pull = pulls(x);
+  if (only_alpha()) {
+    phi = phi_factor_ * pull.globals;
+    stops = pull.stops;
+    return;
+  }
   const Eigen::VectorXd settled = system_.solve_stops(pull.stops);
   phi = phi_factor_ * (pull.globals - system_.couple(settled));
   stops = settled + system_.back_substitute(phi, false);
@@ -230,6 +248,11 @@ Signature Projector::of_calibration(const Eigen::VectorXd& phi, const Eigen::Vec
   const JointLayout& layout = system_.layout();
   const Cells& c = problem_.cells;
   Signature x;
+  if (only_alpha()) {
+    x.range = powers_ * phi.head(layout.alpha_count);
+    x.bearing = Eigen::VectorXd::Zero(cells());
+    return x;
+  }
   x.range.resize(cells());
   x.bearing.resize(cells());
   for (int i = 0; i < cells(); ++i) {

@@ -109,6 +109,9 @@ class Projector {
     Eigen::VectorXd globals, stops;  ///< J^T W x
   };
   Pulls pulls(const Signature& x) const;
+  /// Whether nothing but alpha can absorb anything: pairs of exact distances.
+  bool only_alpha() const { return powers_.cols() > 0; }
+  Eigen::MatrixXd powers_of_u() const;
   Eigen::MatrixXd serial_information() const;
   Eigen::MatrixXd information_beside_known_stops() const;
   Eigen::VectorXd expect_scores();
@@ -117,8 +120,9 @@ class Projector {
   CellGeometry geometry_;
   Whitening range_whitening_, bearing_whitening_;
   SerialErrors serial_;
-  Eigen::VectorXd slope_;  ///< of the mean range in d, the effects' own included
-  JointProblem problem_;   ///< with its spreads held
+  Eigen::VectorXd slope_;   ///< of the mean range in d, the effects' own included
+  Eigen::MatrixXd powers_;  ///< where only alpha absorbs: the ranges' derivatives in it
+  JointProblem problem_;    ///< with its spreads held
   JointSystem system_;
   Eigen::VectorXd alpha_gradient_;
   Eigen::MatrixXd phi_factor_;                       ///< inverse of the Schur complement on phi

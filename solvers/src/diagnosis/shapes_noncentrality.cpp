@@ -10,6 +10,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
+#include <tuple>
 #include <utility>
 
 #include "diagnosis/signatures.hpp"
@@ -17,6 +20,39 @@
 
 namespace rangecal::diagnosis {
 namespace {
+
+/// Negentropies of tails by cell. They depend on the sizes of the law over the cell's standard deviation, which are rounded to a
+/// twentieth of an e-fold: what that adds to and takes from single cells cancels over the cells of a recording.
+class Negentropies {
+ public:
+  double of(const Contamination& law, double s_m) {
+    constexpr double far = 15.0;  // an end so many means away is none
+    const double end = law.end_m < far * std::abs(law.mean_m) ? law.end_m : 0.0;
+    const Key key{law.share, place(law.extra_sigma_m / s_m), place(std::abs(law.mean_m) / s_m),
+                  place(end / s_m)};
+    const auto [entry, is_new] = known_.try_emplace(key);
+    if (is_new) {
+      Contamination rounded{.share = law.share,
+                            .extra_sigma_m = size(std::get<1>(key)),
+                            .mean_m = std::copysign(size(std::get<2>(key)), law.mean_m)};
+      if (end > 0.0) rounded.end_m = size(std::get<3>(key));
+      TailLaw sum;
+      entry->second = sum.add(rounded) ? sum.negentropy(1.0) : 0.0;
+    }
+    return entry->second;
+  }
+
+ private:
+  static constexpr double step = 0.05;
+  static constexpr int none = std::numeric_limits<int>::min();
+  using Key = std::tuple<double, int, int, int>;
+  static int place(double size) {
+    return size > 0.0 ? static_cast<int>(std::lround(std::log(size) / step)) : none;
+  }
+  static double size(int place) { return place == none ? 0.0 : std::exp(step * place); }
+
+  std::map<Key, double> known_;
+};
 
 /// Covariance of the stops' x (axis 0) or y (axis 1) errors under a set of priors: shared in a place, summed
 /// along a chain.
@@ -132,12 +168,12 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
   for (double rho : {own.range_correlation, rows.reads_bearings() ? own.bearing_correlation : 0.0})
     if (rho != 0.0) sum -= repeats * std::log1p(-std::min(rho * rho, 0.999));
   if (active.effect->info().kind == EffectKind::tail) {
+    Negentropies negentropies;
     for (int c = 0; c < rows.cell_count; ++c) {  // repeats share a law
-      const TailLaw law =
-          tail_law_of(rows, p.geometry(), {active}, static_cast<std::size_t>(rows.cell_begin[c]));
-      if (!law.empty())
-        sum += (rows.cell_begin[c + 1] - rows.cell_begin[c]) *
-               law.negentropy(p.geometry().spread[static_cast<std::size_t>(c)]);
+      const auto view = view_of(rows, p.geometry(), static_cast<std::size_t>(rows.cell_begin[c]));
+      sum += (rows.cell_begin[c + 1] - rows.cell_begin[c]) *
+             negentropies.of(active.effect->contamination(view, parameters),
+                             p.geometry().spread[static_cast<std::size_t>(c)]);
     }
   }
   if (active.effect->noise_before_reciprocal())

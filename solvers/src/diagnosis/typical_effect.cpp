@@ -35,8 +35,10 @@ std::optional<TypicalEffect> typical_effect(const Space& space, const Effect& ef
     candidate.index = index;
     candidate.direction = space.change({candidate.active});
     candidate.noncentrality = candidate.direction.information + shape_noncentrality(space, candidate.active);
-    const bool better = !best || candidate.noncentrality > best->noncentrality ||
-                        (best->noncentrality < 1e-6 && candidate.direction.raw > best->direction.raw);
+    constexpr double nothing = 1e-6;  // below it rounding would choose
+    const bool better = !best || (std::max(candidate.noncentrality, best->noncentrality) < nothing
+                                      ? candidate.direction.raw > best->direction.raw
+                                      : candidate.noncentrality > best->noncentrality);
     if (better) best = std::move(candidate);
   };
   const int count = static_cast<int>(info.parameters.size());

@@ -331,6 +331,12 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
   ActiveEffect up = active, down = active;
   up.parameters[index] += step;
   down.parameters[index] -= step;
+  // About 0 a change that is linear in its amplitudes is odd in each: one side of the difference is enough. Effects with a part
+  // that does not vanish with them state their slopes.
+  bool odd = info.linear;
+  for (Eigen::Index j = 0; j < active.parameters.size() && odd; ++j)
+    odd =
+        !active.effect->info().parameters[static_cast<std::size_t>(j)].linear || active.parameters[j] == 0.0;
   Signature x;
   const auto slope_at = [&](int i, double& range, double& bearing, const CellGeometry& geometry) {
     const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(i));
@@ -340,6 +346,11 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
       return;
     }
     const auto high = active.effect->reading(view, up.parameters.data());
+    if (odd) {
+      range = high.range / step;
+      bearing = high.bearing / step;
+      return;
+    }
     const auto low = active.effect->reading(view, down.parameters.data());
     range = (high.range - low.range) / (2.0 * step);
     bearing = (high.bearing - low.bearing) / (2.0 * step);

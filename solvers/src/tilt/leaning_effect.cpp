@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "rangecal/problems/effects/central_difference.hpp"
+
 namespace rangecal {
 namespace {
 
@@ -35,6 +37,13 @@ ReadingChange<double> LeaningEffect::reading(const ReadingView<double>& at, cons
   change.range += at.before_curve(at.axis_distance * height * (w[0] * nx + w[1] * ny));
   change.bearing += height * (w[1] * nx - w[0] * ny);
   return change;
+}
+
+std::optional<ReadingChange<double>> LeaningEffect::slope(const ReadingView<double>& at, const double* p,
+                                                          int parameter) const {
+  if (parameter < 2) return std::nullopt;
+  if ((parameter - 2) / 2 != at.landmark) return ReadingChange<double>{};
+  return central_difference(*this, at, p, parameter);
 }
 
 }  // namespace rangecal

@@ -16,6 +16,9 @@ class LeaningEffect final : public Effect {
   explicit LeaningEffect(int landmarks);
   const EffectInfo& info() const override { return info_; }
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override;
+  /// Of a lean. The plane's tilt stays where all leans are 0.
+  std::optional<ReadingChange<double>> slope(const ReadingView<double>& at, const double* p,
+                                             int parameter) const override;
 
  private:
   EffectInfo info_;
