@@ -71,6 +71,9 @@ INSTANTIATE_TEST_SUITE_P(
               "nothing: few readings, all far away"},
         World{202611212008, "noise-50", 221, "turning", "cell_effect", Answer::right_name,
               "nothing in the catalogue: what its test predicted was less than it gains"},
+        World{
+            5, "noise-50", 34, "line", "noise_law", Answer::right_name,
+            "nothing in the catalogue: a parabola in log f is no floor under noise that grows with its square"},
         World{202611211702, "outside", 33, "turning", "cable_guard", Answer::unexplained,
               "errors that cells share, whose refit was held against a curve's score"},
         World{202611211702, "outside", 44, "line", "cable_guard", Answer::unexplained,

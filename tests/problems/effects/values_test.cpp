@@ -91,8 +91,8 @@ std::vector<Case> cases() {
       // z = 0: lambda = sqrt(2 / pi) = 0.7978845608; variance 1 - 2 / pi
       {"dropout", {2.1}, {.range = -0.015957691216, .range_log_variance = std::log(1.0 - 2.0 / pi)}},
       {"dropout", {3.0}, {}},  // 45 standard deviations away
-      // (2.1 / 1.5)^-4 = 0.2603082049: log(1 + 2 * 0.2603082049)
-      {"noise_law", {2.0, -4.0}, {.range_log_variance = 0.4191157854}},
+      // 0.5 to 4.5 m: log(1 + (e^1.2 - 1) 4.2^-4 + (e^0.5 - 1) (2.1 / 4.5)^4)
+      {"noise_law", {1.2, 0.5, 4.0}, {.range_log_variance = 0.0375107181}},
       {"reciprocal_noise", {0.02}, {.range = 0.0037044}},  // cv = 0.02 * 2.1 = 0.042: 0.001764 * 2.1
       // n = (0, 1), t = (-1, 0): x = hypot(2.01, 0.02) - 2 = 0.0100994999; atan(-0.02 / 2.13)
       {"moved_landmark", {0.02, 0.01, 1.0, 2.0}, {.range = 0.0090946500, .bearing = -0.0093893954}},

@@ -4,8 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 
+#include "diagnosis/working.hpp"
 #include "rangecal/core/random.hpp"
 #include "solvers/diagnosis/state_of_pairs.hpp"
 
@@ -62,6 +64,31 @@ TEST_P(KnownDistances, AreSolvedAsLandmarksWhoseStopsStand) {
     EXPECT_LT((*fast->covariance - *general.covariance).norm(), 1e-4 * general.covariance->norm());
     EXPECT_EQ(fast->weakest_direction.empty(), general.weakest_direction.empty());
   }
+}
+
+TEST(KnownDistances, AreProjectedByTheirCurveAlone) {
+  Rows rows = rows_of("KnownDistances.Projected", true);
+  const JointState state = start_of(rows, NoiseLaw::f_squared);
+  const Projector exact(rows, working_problem(rows, {}, state), state);
+  const Eigen::Index n = exact.cells();
+  Signature shape;
+  shape.range.resize(n);
+  shape.bearing = Eigen::VectorXd::Zero(n);
+  Eigen::MatrixXd X(n, 3);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double d = exact.geometry().d[static_cast<std::size_t>(i)];
+    shape.range[i] = std::sin(5.0 * d);
+    X.row(i) << 1.0, d, d * d;
+  }
+  // P = W - W X (X^T W X)^-1 X^T W
+  const Eigen::MatrixXd W = exact.range_information.asDiagonal();
+  const Eigen::VectorXd expected =
+      W * (shape.range - X * (X.transpose() * W * X).ldlt().solve(X.transpose() * W * shape.range));
+  EXPECT_LT((exact.project(shape).head(n) - expected).norm(), 1e-9 * expected.norm());
+  // Of distances known to a nanometre the same, with every stop an unknown.
+  for (StopPrior& stop : rows.problem.stops) stop.sigma_xy_m = 1e-9;
+  const Projector nearly(rows, working_problem(rows, {}, state), state);
+  EXPECT_LT((nearly.project(shape).head(n) - expected).norm(), 1e-6 * expected.norm());
 }
 
 INSTANTIATE_TEST_SUITE_P(Laws, KnownDistances,

@@ -205,12 +205,12 @@ std::pair<double, double> spreads_with(const std::string& effects, bool of_inver
   return {spread(1.0), spread(4.0)};
 }
 
-TEST(SceneSimulation, TheNoiseLawTurnsAboutTheMiddleOfTheRanges) {
-  // f0 = sqrt(1 * 4) = 2 m: s = 0.01 f^2 sqrt(1 + 3 (f / 2)^2): 0.013229 at 1 m, 0.57689 at 4 m. The spread of 2000 readings
-  // is known to 1 / sqrt(4000) = 1.6 %; five deviations.
-  const auto [near, far] = spreads_with("noise_law: {ratio: 3, power: 2}");
-  EXPECT_NEAR(near / 0.013229, 1.0, 0.08);
-  EXPECT_NEAR(far / 0.57689, 1.0, 0.08);
+TEST(SceneSimulation, TheNoiseLawAddsVarianceAtTheEndsOfTheRanges) {
+  // ln 4 = 1.3863: s = 0.01 f^2 sqrt(1 + 3 (f / 4)^2): 0.010897 at 1 m, 0.32 at 4 m. The spread of 2000 readings is known to
+  // 1 / sqrt(4000) = 1.6 %; five deviations.
+  const auto [near, far] = spreads_with("noise_law: {log_variance_far: 1.386294361, power: 2}");
+  EXPECT_NEAR(near / 0.010897, 1.0, 0.08);
+  EXPECT_NEAR(far / 0.32, 1.0, 0.08);
 }
 
 TEST(SceneSimulation, ReciprocalNoiseTakesThePlaceOfTheSensors) {
