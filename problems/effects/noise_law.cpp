@@ -33,8 +33,7 @@ class NoiseLaw final : public Effect {
             "or background noise.",
         .formula =
             "s^2 -> s^2 (1 + (e^u - 1) (f / f_near)^-q + (e^v - 1) (f / f_far)^q), f_near, f_far ends of the ranges [m]; u, v "
-            "added to ln s^2 there; q difference of the powers of f: beside s ~ f^2 4 a floor (u) or background (v), 2 shot "
-            "noise (v)",
+            "added to ln s^2 there; beside s ~ f^2 a floor is u with q = 4, shot noise v with q = 2, background v with q = 4",
         .source =
             "derived: variances of independent sources add: floor, speckle d^2, shot d^3, background d^4; Dorsch, "
             "Haeusler and Herrmann 1994",
@@ -54,16 +53,17 @@ class NoiseLaw final : public Effect {
   bool differs_between_repeats() const override { return false; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
-    const auto [near, far] = growth(at, p[2]);
+    const auto [near, far] = growth(logarithms(at), p[2]);
     return {.range_log_variance = std::log1p(std::expm1(p[0]) * near + std::expm1(p[1]) * far)};
   }
 
   std::optional<ReadingChange<double>> slope(const ReadingView<double>& at, const double* p,
                                              int index) const override {
-    const auto [near, far] = growth(at, p[2]);
-    const auto [near_turn, far_turn] = logarithms(at);
+    const auto logs = logarithms(at);
+    const auto [near, far] = growth(logs, p[2]);
     const double n = std::expm1(p[0]), m = std::expm1(p[1]);
-    const double slopes[] = {(1.0 + n) * near, (1.0 + m) * far, m * far * far_turn - n * near * near_turn};
+    const double slopes[] = {(1.0 + n) * near, (1.0 + m) * far,
+                             m * far * logs.second - n * near * logs.first};
     return ReadingChange<double>{.range_log_variance = slopes[index] / (1.0 + n * near + m * far)};
   }
 
@@ -81,9 +81,8 @@ class NoiseLaw final : public Effect {
     return {std::log(f / at.context->range_min_m), std::log(f / at.context->range_max_m)};
   }
   /// (f / f_near)^-q and (f / f_far)^q.
-  static std::pair<double, double> growth(const ReadingView<double>& at, double power) {
-    const auto [near, far] = logarithms(at);
-    return {std::exp(-power * near), std::exp(power * far)};
+  static std::pair<double, double> growth(const std::pair<double, double>& logs, double power) {
+    return {std::exp(-power * logs.first), std::exp(power * logs.second)};
   }
 };
 

@@ -71,7 +71,8 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
       bearing_whitening_(working.bearing_whitening),
       serial_(working.serial),
       problem_(with_held_spreads(working.problem, geometry_)),
-      system_(problem_, static_cast<int>(state.alpha.size()), 1) {
+      system_(problem_, static_cast<int>(state.alpha.size()), 1),
+      only_alpha_(rows.pairs && knows_its_stops(system_.layout())) {
   const JointProblem& problem = working.problem;
   const Cells& c = problem.cells;
   const int cells = static_cast<int>(c.size());
@@ -98,7 +99,11 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
     stop_errors_.emplace_back(is.x_m - meant.x_m, is.y_m - meant.y_m,
                               wrap_angle(is.heading_rad - meant.heading_rad));
   }
-  if (rows.pairs && knows_its_stops(system_.layout())) powers_ = powers_of_u();
+  if (rows.pairs) {
+    const Eigen::Map<const Eigen::VectorXd> u(geometry_.u.data(), cells);
+    powers_.setOnes(cells, system_.layout().alpha_count);
+    for (Eigen::Index a = 1; a < powers_.cols(); ++a) powers_.col(a) = powers_.col(a - 1).cwiseProduct(u);
+  }
   system_.assemble(with_unit_noise(state), HessianKind::fisher);
   system_.eliminate();
   if (!rows.pairs) beside_known_stops_.compute(information_beside_known_stops());  // of its lower half
@@ -193,17 +198,10 @@ Eigen::MatrixXd Projector::information_beside_known_stops() const {
   return information;
 }
 
-Eigen::MatrixXd Projector::powers_of_u() const {
-  const Eigen::Map<const Eigen::VectorXd> u(geometry_.u.data(), cells());
-  Eigen::MatrixXd powers = Eigen::MatrixXd::Ones(cells(), system_.layout().alpha_count);
-  for (Eigen::Index a = 1; a < powers.cols(); ++a) powers.col(a) = powers.col(a - 1).cwiseProduct(u);
-  return powers;
-}
-
 /// J^T W J of alpha.
 Eigen::MatrixXd Projector::serial_information() const {
   const SerialErrors::Columns columns =
-      serial_.whitened_columns(range_information.cwiseSqrt().asDiagonal() * powers_of_u());
+      serial_.whitened_columns(range_information.cwiseSqrt().asDiagonal() * powers_);
   return columns.transpose() * columns;
 }
 
@@ -212,7 +210,7 @@ Projector::Pulls Projector::pulls(const Signature& x) const {
   const Cells& c = problem_.cells;
   Pulls sum{Eigen::VectorXd::Zero(layout.global_count), Eigen::VectorXd::Zero(layout.coordinates)};
   const Eigen::VectorXd ranges = weighted(x.range);
-  if (only_alpha()) {
+  if (only_alpha_) {
     sum.globals.head(layout.alpha_count) = powers_.transpose() * ranges;
     return sum;
   }
@@ -234,7 +232,7 @@ Projector::Pulls Projector::pulls(const Signature& x) const {
 
 void Projector::absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const {
   const Pulls pull = pulls(x);
-  if (only_alpha()) {
+  if (only_alpha_) {
     phi = phi_factor_ * pull.globals;
     stops = pull.stops;
     return;
@@ -248,7 +246,7 @@ Signature Projector::of_calibration(const Eigen::VectorXd& phi, const Eigen::Vec
   const JointLayout& layout = system_.layout();
   const Cells& c = problem_.cells;
   Signature x;
-  if (only_alpha()) {
+  if (only_alpha_) {
     x.range = powers_ * phi.head(layout.alpha_count);
     x.bearing = Eigen::VectorXd::Zero(cells());
     return x;

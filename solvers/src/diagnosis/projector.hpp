@@ -109,9 +109,6 @@ class Projector {
     Eigen::VectorXd globals, stops;  ///< J^T W x
   };
   Pulls pulls(const Signature& x) const;
-  /// Whether nothing but alpha can absorb anything: pairs of exact distances.
-  bool only_alpha() const { return powers_.cols() > 0; }
-  Eigen::MatrixXd powers_of_u() const;
   Eigen::MatrixXd serial_information() const;
   Eigen::MatrixXd information_beside_known_stops() const;
   Eigen::VectorXd expect_scores();
@@ -121,9 +118,10 @@ class Projector {
   Whitening range_whitening_, bearing_whitening_;
   SerialErrors serial_;
   Eigen::VectorXd slope_;   ///< of the mean range in d, the effects' own included
-  Eigen::MatrixXd powers_;  ///< where only alpha absorbs: the ranges' derivatives in it
+  Eigen::MatrixXd powers_;  ///< of pairs: the ranges' derivatives in alpha
   JointProblem problem_;    ///< with its spreads held
   JointSystem system_;
+  bool only_alpha_;  ///< nothing but alpha can absorb anything: pairs of exact distances
   Eigen::VectorXd alpha_gradient_;
   Eigen::MatrixXd phi_factor_;                       ///< inverse of the Schur complement on phi
   Eigen::LDLT<Eigen::MatrixXd> beside_known_stops_;  ///< of the information of (alpha, landmarks) there

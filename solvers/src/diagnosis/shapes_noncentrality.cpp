@@ -10,9 +10,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <compare>
 #include <limits>
 #include <map>
-#include <tuple>
 #include <utility>
 
 #include "diagnosis/signatures.hpp"
@@ -28,14 +28,14 @@ class Negentropies {
   double of(const Contamination& law, double s_m) {
     constexpr double far = 15.0;  // an end so many means away is none
     const double end = law.end_m < far * std::abs(law.mean_m) ? law.end_m : 0.0;
-    const Key key{law.share, place(law.extra_sigma_m / s_m), place(std::abs(law.mean_m) / s_m),
-                  place(end / s_m)};
-    const auto [entry, is_new] = known_.try_emplace(key);
+    const Sizes sizes{law.share, place(law.extra_sigma_m / s_m), place(std::abs(law.mean_m) / s_m),
+                      place(end / s_m)};
+    const auto [entry, is_new] = known_.try_emplace(sizes);
     if (is_new) {
       Contamination rounded{.share = law.share,
-                            .extra_sigma_m = size(std::get<1>(key)),
-                            .mean_m = std::copysign(size(std::get<2>(key)), law.mean_m)};
-      if (end > 0.0) rounded.end_m = size(std::get<3>(key));
+                            .extra_sigma_m = size(sizes.extra),
+                            .mean_m = std::copysign(size(sizes.mean), law.mean_m)};
+      if (end > 0.0) rounded.end_m = size(sizes.end);
       TailLaw sum;
       entry->second = sum.add(rounded) ? sum.negentropy(1.0) : 0.0;
     }
@@ -45,13 +45,17 @@ class Negentropies {
  private:
   static constexpr double step = 0.05;
   static constexpr int none = std::numeric_limits<int>::min();
-  using Key = std::tuple<double, int, int, int>;
+  struct Sizes {
+    double share;
+    int extra, mean, end;
+    auto operator<=>(const Sizes&) const = default;
+  };
   static int place(double size) {
     return size > 0.0 ? static_cast<int>(std::lround(std::log(size) / step)) : none;
   }
   static double size(int place) { return place == none ? 0.0 : std::exp(step * place); }
 
-  std::map<Key, double> known_;
+  std::map<Sizes, double> known_;
 };
 
 /// Covariance of the stops' x (axis 0) or y (axis 1) errors under a set of priors: shared in a place, summed
