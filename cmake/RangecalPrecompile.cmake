@@ -15,6 +15,11 @@ function(rangecal_precompile target)
   endif()
   if(ARG_FROM)
     target_precompile_headers(${target} REUSE_FROM ${ARG_FROM})
+    get_target_property(type ${target} TYPE)
+    get_target_property(other_type ${ARG_FROM} TYPE)
+    if(type STREQUAL "EXECUTABLE" AND NOT other_type STREQUAL "EXECUTABLE")
+      target_compile_options(${target} PRIVATE -fPIC)  # as the library's, where a program would have -fPIE
+    endif()
     return()
   endif()
   target_precompile_headers(${target} PRIVATE
