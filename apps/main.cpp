@@ -19,14 +19,6 @@ namespace {
 
 using namespace rangecal;
 
-/// The text on one line.
-std::string one_line(std::string text) {
-  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
-  for (char& c : text)
-    if (c == '\n' || c == '\r') c = ' ';
-  return text;
-}
-
 void complain(const std::string& what) { fmt::print(stderr, "rangecal: {}\n", one_line(what)); }
 
 int stdout_failed(const std::string& reason) {

@@ -34,6 +34,11 @@ double chi_squared_upper_quantile(double q, double degrees) {
 
 double student_t_quantile(double p, double degrees) { return quantile(students_t(degrees), p); }
 
+double log_gamma(double x) {
+  int sign = 1;
+  return ::lgamma_r(x, &sign);
+}
+
 double fisher_f_upper(double x, double numerator, double denominator) {
   return cdf(complement(fisher_f(numerator, denominator), x));
 }

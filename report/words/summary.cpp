@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/calibrate/curve.hpp"
 #include "text.hpp"
 
@@ -124,7 +125,7 @@ std::string curve_in_words(const Calibration& c) {
 }
 
 std::string band_in_words(const std::optional<double>& std_dev_m) {
-  return std_dev_m ? fmt::format("+- {:.1f} mm", 1.96e3 * *std_dev_m) : std::string("unknown");
+  return std_dev_m ? fmt::format("+- {:.1f} mm", 1e3 * z95 * *std_dev_m) : std::string("unknown");
 }
 
 /// One line of the table of the curve; the band with the choice only where there is one.

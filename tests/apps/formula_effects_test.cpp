@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Effects by formula on the command line: asked for, planted, named and undone as those of the catalogue.
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <regex>
+#include <sstream>
 #include <string>
 #include <utility>
 
 #include "apps/run_binary.hpp"
+#include "rangecal/core/random.hpp"
 
 namespace rangecal::test {
 namespace {
@@ -79,6 +82,45 @@ TEST_F(FormulaEffects, ARippleIsNamedWithItsNumberOfTeethAndUndone) {
   const RunResult unknown = run("correct " + folder.file("cal.json"), readings);
   EXPECT_EQ(unknown.code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("gear_ripple"));
+}
+
+// y = d + 0.03 t / duration with noise of 2 mm; the size that a formula says is typical may be of either sign.
+TEST_F(FormulaEffects, TimeInDurationsIsFittedAndUndoneWhateverTheSignOfItsTypicalSize) {
+  std::filesystem::create_directory(folder.file("rec"));
+  folder.write("rec/recording.yaml", "format: rangecal/1\nkind: pairs\nsensor: {range_min_m: 0}\n");
+  Random random(seed_from("FormulaEffects durations"));
+  std::string pairs = "true_m,reading_m,time_s\n";
+  for (int i = 0; i <= 400; ++i) {
+    const double d = random.uniform(0.5, 4.0);
+    pairs += fmt::format("{:.6f},{:.6f},{}\n", d, d + 0.03 * i / 400.0 + random.normal(0.0, 0.002), 2 * i);
+  }
+  folder.write("rec/pairs.csv", pairs);
+  for (const std::string typical : {"0.02", "-0.02"}) {
+    std::filesystem::create_directory(folder.file("fx"));
+    folder.write("fx/creep.yaml",
+                 "effect: creep\nphysics: p\nsettled_by: s\nchannel: range\nformula: a*t/duration\n"
+                 "parameters: {a: {unit: m, typical: " +
+                     typical + ", from: -0.5, to: 0.5}}\n");
+    const std::string with = " --effects " + folder.file("fx");
+    const Json d = diagnosed(folder.file("rec"), " --force creep" + with);
+    const Json& a = d.at("explanations").at(0).at("parameters").at("creep.a_m");
+    // 2 mm over sqrt(401 / 12), curve and slope in time being orthogonal: 0.35 mm.
+    EXPECT_NEAR(a.at("estimate").get<double>(), 0.03, 4.0 * 0.35e-3) << typical;
+    EXPECT_NEAR(a.at("std").get<double>(), 0.35e-3, 0.05e-3) << typical;
+    const RunResult undone =
+        run("correct " + folder.file("cal.json") + with, "range_m,time_s\n2.0,0\n2.03,800\n");
+    ASSERT_EQ(undone.code, 0) << undone.err;
+    std::istringstream lines(undone.out);
+    std::string line;
+    std::getline(lines, line);
+    for (int row = 0; row < 2; ++row) {
+      ASSERT_TRUE(std::getline(lines, line));
+      EXPECT_NEAR(std::stod(line.substr(line.find(',') + 1)), 2.0, 0.003) << line;
+    }
+    const RunResult timeless = run("correct " + folder.file("cal.json") + with, "range_m\n2.0\n");
+    EXPECT_EQ(timeless.code, 2);
+    EXPECT_THAT(timeless.err, AllOf(HasSubstr("time_s"), HasSubstr("creep")));
+  }
 }
 
 TEST_F(FormulaEffects, ACleanRecordingStaysClean) {

@@ -70,5 +70,10 @@ TEST(Distributions, WhatIsNoProbabilityIsRefused) {
   EXPECT_THROW(chi_squared_upper(1.0, 0.0), std::domain_error);
 }
 
+TEST(Distributions, LogGammaOfAHalfAndOfTen) {
+  EXPECT_NEAR(log_gamma(0.5), 0.5 * std::log(std::numbers::pi), 1e-15);
+  EXPECT_NEAR(log_gamma(10.0), std::log(362880.0), 1e-14);  // 9!
+}
+
 }  // namespace
 }  // namespace rangecal

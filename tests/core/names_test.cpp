@@ -73,11 +73,5 @@ TEST(Names, SpreadOfEachLaw) {
   EXPECT_NEAR(spread(NoiseLaw::polynomial), 0.5, 1e-15);
 }
 
-TEST(Names, InputErrorIsOneLineWithFileRowAndColumn) {
-  EXPECT_STREQ(InputError("a.csv", 3, "range_m", "is bad").what(), "a.csv, row 3, column 'range_m': is bad");
-  EXPECT_STREQ(InputError("a.csv", 0, "", "is empty").what(), "a.csv: is empty");
-  EXPECT_STREQ(InputError("a.csv", 2, "", "two\nlines").what(), "a.csv, row 2: two?lines");
-}
-
 }  // namespace
 }  // namespace rangecal

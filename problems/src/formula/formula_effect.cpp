@@ -419,7 +419,7 @@ struct Point {
 class Trial {
  public:
   Trial(const FormulaEffect& effect, const YamlReader& node) : effect_(effect), node_(node) {
-    Random random(seed_from("formula", {std::hash<std::string>{}(effect.stated().info.id)}));
+    Random random(seed_from("formula " + effect.stated().info.id));
     for (std::size_t i = 0; i < points; ++i) {
       Point& point = points_.emplace_back();
       for (const Slot& slot : effect.stated().slots) point.values.push_back(value_of(slot, random));

@@ -127,8 +127,7 @@ ShapeDensity::ShapeDensity(const NoiseShapeParameters& shape) : shape_(shape) {
     case NoiseShape::gaussian:
       break;
     case NoiseShape::student_t:
-      constant_ =
-          std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
+      constant_ = log_gamma(0.5 * (nu + 1.0)) - log_gamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
       in_nu_ = boost::math::digamma(0.5 * (nu + 1.0)) - boost::math::digamma(0.5 * nu) - 1.0 / nu;
       break;
     case NoiseShape::contaminated:

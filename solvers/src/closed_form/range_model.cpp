@@ -6,6 +6,7 @@
 
 #include "closed_form/moments.hpp"
 #include "closed_form/residual_spread.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/polynomial.hpp"
 
 namespace rangecal {
@@ -16,7 +17,7 @@ using Eigen::VectorXd;
 
 /// sqrt(mean square of R normal deviates) has mean c(R) sigma: c(1) = sqrt(2 / pi), c -> 1.
 double mean_root_square(double R) {
-  return std::sqrt(2.0 / R) * std::exp(std::lgamma(0.5 * (R + 1.0)) - std::lgamma(0.5 * R));
+  return std::sqrt(2.0 / R) * std::exp(log_gamma(0.5 * (R + 1.0)) - log_gamma(0.5 * R));
 }
 
 /// Variance of the distance of a sample, by stop and landmark [m^2].

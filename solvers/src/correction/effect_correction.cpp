@@ -46,6 +46,8 @@ EffectCorrector::EffectCorrector(const Calibration& calibration, std::vector<std
   context_.kind = calibration.kind;
   context_.range_min_m = calibration.range_min_m;
   context_.range_max_m = calibration.range_max_m;
+  if (const auto times = calibration.effects_range.find("time_s"); times != calibration.effects_range.end())
+    context_.duration_s = times->second.second;
   context_.stop_count = static_cast<int>(calibration.stops.size());
   context_.landmark_labels = labels_of_landmarks(calibration);
   context_.landmark_count = static_cast<int>(context_.landmark_labels.size());

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <map>
 
+#include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/correction/effect_correction.hpp"
 
 namespace rangecal {
@@ -11,6 +12,7 @@ namespace rangecal {
 std::vector<EffectCorrector::Need> EffectCorrector::needs() const {
   EffectContext context = context_;
   context.covariates.insert(context.covariates.end(), {"temperature_c", "intensity"});
+  if (!(context.duration_s > 0.0)) context.duration_s = 3600.0;
   for (const Active& active : active_)
     if (const std::string column = column_in_id(active.effect->info().id); !column.empty())
       context.covariates.push_back(column);
@@ -55,7 +57,16 @@ std::vector<EffectCorrector::Need> EffectCorrector::needs() const {
         "bearing_rad", [](auto& v) { v.bearing = 1.1; }, [](auto& v) { v.bearing = -2.0; },
         [](auto& v) { v.bearing = 2.9; });
     ask("heading_rad", [](auto& v) { v.heading = 1.2; });
-    ask("time_s", [](auto& v) { v.time_s = 100.0; });
+    const bool by_time = matters([](auto& v) { v.time_s = 100.0; });
+    context.duration_s *= 2.0;
+    const bool by_duration = matters([](auto&) {});
+    context.duration_s *= 0.5;
+    if (by_duration && !(context_.duration_s > 0.0))
+      throw InputError(
+          "the calibration's effect " + active.effect->info().id +
+          " counts time in durations of its recording, and effects_range does not say how long that was: "
+          "it lacks time_s");
+    if (by_time || by_duration) needs.push_back({"time_s", active.effect->info().id});
     ask("radius_m", [](auto& v) {
       v.radius = 0.02;
       v.axis_distance = v.d + 0.02;

@@ -48,7 +48,11 @@ struct PartMoments {
     first += w * d;
     second += w * d * d;
   }
-  double deviation() const { return std::sqrt(std::max(0.0, second / mass - std::pow(first / mass, 2))); }
+  /// NaN where the mass is 0.
+  double deviation() const {
+    if (!(mass > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+    return std::sqrt(std::max(0.0, second / mass - std::pow(first / mass, 2)));
+  }
 };
 
 /// Of each part between turning points, of distances from `origin`; fills the panels' masses.
@@ -125,7 +129,8 @@ DistancePosterior distance_posterior(const EffectCorrector& corrector, double re
   result.reason = why_none(density, ends, sampled.shift, prior);
   if (!result.reason.empty()) return result;
 
-  const double origin = sampled.node(sampled.best);  // moments about it: nothing cancels
+  const double origin =
+      sampled.node(sampled.best);  // moments about it: of the likeliest part nothing cancels
   const std::vector<PartMoments> parts = moments_of_parts(sampled, turning_points, prior.high_m, origin);
   PartMoments all;
   for (const PartMoments& p : parts) {

@@ -183,6 +183,7 @@ std::vector<std::pair<Model, JointState>> Sides::others(const Rows& rows, const 
     const auto parameter =
         std::find(active.parameters.data(), active.parameters.data() + active.parameters.size(), limit) -
         active.parameters.data();
+    if (parameter == active.parameters.size()) continue;  // not one to be moved
     double last_near = -std::numeric_limits<double>::max(),
            first_far = -last_near;  // between them nothing changes sides with L
     for (const LineOfSight& line : lines) {

@@ -13,8 +13,7 @@ namespace rangecal::diagnosis {
 double log_chi_sq_survival(double statistic, int dof) {
   const double half = 0.5 * statistic, shape = 0.5 * dof;
   if (half < 300.0) return std::log(std::max(chi_squared_upper(statistic, dof), 1e-300));
-  int sign = 1;  // not std::lgamma, which tells it in a variable that threads share
-  return (shape - 1.0) * std::log(half) - half - ::lgamma_r(shape, &sign);  // leading term of the tail
+  return (shape - 1.0) * std::log(half) - half - log_gamma(shape);  // leading term of the tail
 }
 
 Battery::Battery(Unasked, const Rows& rows, const Model& model, const JointState& state, const Rates& known)

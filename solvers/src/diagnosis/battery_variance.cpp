@@ -157,7 +157,7 @@ void Battery::ask_periods() {
       gaps.push_back(rows_.time_s[i] - rows_.time_s[i - 1]);
   if (gaps.empty()) return;
   const double step = 0.5 / rows_.context.duration_s;  // two points per resolvable frequency
-  const int count = std::min(4000, static_cast<int>(0.5 / upper_median(std::move(gaps)) / step));
+  const int count = static_cast<int>(std::min(4000.0, 0.5 / upper_median(std::move(gaps)) / step));
   std::vector<Question> asked(rows_.reads_bearings() ? 2 : 1);
   in_parallel(asked.size(), [&](std::size_t channel) {
     const bool of_bearing = channel == 1;

@@ -94,7 +94,8 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   std::vector<Proposal> order;
   for (auto& [id, p] : best)
     if (p.predicted_gain > 3.0) order.push_back(p);  // less cannot pass the battery's rate
-  std::sort(order.begin(), order.end(), [](const Proposal& a, const Proposal& b) { return a.rank > b.rank; });
+  std::stable_sort(order.begin(), order.end(),
+                   [](const Proposal& a, const Proposal& b) { return a.rank > b.rank; });
   if (order.size() > shortlist) order.resize(shortlist);
   return order;
 }

@@ -128,6 +128,9 @@ diagnosis::SearchResult looked_for(const diagnosis::Rows& rows, const diagnosis:
 void DiagnoseOptions::check() const {
   if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
     throw InputError(fmt::format("alarm_rate is {}, not between 0 and 1", alarm_rate));
+  if (!(naming_gap_nats >= 0.0 && std::isfinite(naming_gap_nats)))
+    throw InputError(fmt::format("naming_gap_nats is {}, not 0 or more", naming_gap_nats));
+  if (null_draws < 1) throw InputError(fmt::format("null_draws is {}, not 1 or more", null_draws));
   const auto known = [](const char* option, const std::string& id) {
     const Effect* effect = find_effect(id);
     if (effect == nullptr)

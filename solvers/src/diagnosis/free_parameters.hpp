@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -17,6 +19,11 @@ inline double& value_of(Model& model, const FreeParameter& p) { return model[p.e
 
 inline const EffectParameter& info_of(const Model& model, const FreeParameter& p) {
   return model[p.effect].effect->info().parameters[p.index];
+}
+
+/// The size that a parameter usually has, whatever its sign; a unit of its steps and of its prior.
+inline double size_of(const EffectParameter& parameter) {
+  return std::max(std::abs(parameter.typical), 1e-12);
 }
 
 /// Its least and largest value in this recording.

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <utility>
 
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
@@ -44,15 +45,20 @@ Repeats repeats_of(const Rows& rows, const Model& grids) {
   return repeats;
 }
 
-/// What effects do to the variance of ranges: e^v on average in a cell.
-void take_off_variance(const Rows& rows, const RowChanges& changes, Repeats& repeats) {
+/// What effects do to ranges, from one repeat to another, and to their variance: e^v on average in a cell.
+void take_off(const Rows& rows, const RowChanges& changes, Repeats& repeats) {
   std::size_t at = 0;
   for (int c = 0; c < rows.cell_count; ++c) {
     if (rows.problem.cells.count[static_cast<std::size_t>(c)] < 2.0) continue;
     const int begin = rows.cell_begin[c], count = rows.cell_begin[c + 1] - begin;
     const double factor = std::exp(-changes.range_log_variance.segment(begin, count).mean());
-    repeats.mean_square[at] *= factor;
-    for (double& value : repeats.deviations_m[at]) value *= std::sqrt(factor);
+    const Eigen::ArrayXd left = Eigen::Map<const Eigen::ArrayXd>(rows.range_m.data() + begin, count) -
+                                changes.range.segment(begin, count).array();
+    repeats.mean_square[at] = factor * (left - left.mean()).square().mean();
+    std::vector<double>& deviations = repeats.deviations_m[at];
+    deviations.assign(left.begin(), left.end());
+    const double middle = upper_median(deviations);
+    for (double& value : deviations) value = std::sqrt(factor) * (value - middle);
     ++at;
   }
 }
@@ -109,9 +115,8 @@ std::pair<double, double> least_within_heavy(const Repeats& repeats, int power) 
     variance = std::max(square / degrees, 1e-300);
   }
   // less the normal's constant
-  double nll =
-      log_units + degrees * (0.5 * std::log(variance * nu * std::numbers::pi) + std::lgamma(0.5 * nu) -
-                             std::lgamma(0.5 * (nu + 1.0)) - half_log_two_pi);
+  double nll = log_units + degrees * (0.5 * std::log(variance * nu * std::numbers::pi) + log_gamma(0.5 * nu) -
+                                      log_gamma(0.5 * (nu + 1.0)) - half_log_two_pi);
   for (std::size_t j = 0; j < sizes.size(); ++j)
     nll += shares[j] * 0.5 * (nu + 1.0) * std::log1p(sizes[j] * sizes[j] / variance / nu);
   return {std::sqrt(variance), nll};
@@ -136,7 +141,7 @@ std::optional<Noise> noise_within_cells(const Rows& rows, const Model& model, co
   for (double count : rows.problem.cells.count) total += count - 1.0;
   if (total < 50.0) return std::nullopt;
   Repeats repeats = repeats_of(rows, model);
-  if (state) take_off_variance(rows, row_changes(rows, cell_geometry(rows, *state), model), repeats);
+  if (state) take_off(rows, row_changes(rows, cell_geometry(rows, *state), model), repeats);
   const bool alike = step_beyond_noise_of(repeats) > 0.0;  // the few steps tell a level, but no law
   const bool grid = *std::max_element(repeats.step_m.begin(), repeats.step_m.end()) > 0.0;
   std::optional<Noise> best;

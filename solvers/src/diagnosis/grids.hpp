@@ -12,10 +12,10 @@ inline constexpr NoiseLaw triangulation_first[] = {NoiseLaw::f_squared, NoiseLaw
                                                    NoiseLaw::f_cubed};
 inline constexpr double law_margin = 3.0;
 
-/// The noise law from the repeats alone, which no effect on the mean can mislead: the triangulation law unless
+/// The noise law from the repeats alone, which no effect can mislead that is the same for all repeats of a cell: the triangulation law unless
 /// another is better by more than `law_margin`, and its sigma, the grids' part taken off. Of a law the normal or a
-/// heavy-tailed shape counts, whichever is likelier, so that outliers choose none. Empty where there are too few repeats. The mean reading stands for f. `model`: its grids, and, at a `state`, what its effects do to the variance of
-/// ranges, are taken off.
+/// heavy-tailed shape counts, whichever is likelier, so that outliers choose none. Empty where there are too few repeats. The mean reading stands for f.
+/// `model`: its grids, and, at a `state`, what its effects do to ranges from one repeat to another and to their variance, are taken off.
 std::optional<Noise> noise_within_cells(const Rows& rows, const Model& model,
                                         const JointState* state = nullptr);
 

@@ -62,6 +62,10 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         std::vector<char> out(folds.size());
         for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
         if (std::find(out.begin(), out.end(), 1) == out.end()) return;
+        if (std::find(out.begin(), out.end(), 0) == out.end()) {  // nothing to learn from
+          held.ok = false;
+          return;
+        }
         const Rows rest = without_cells(rows, out);
         Fit fit = fit_part(rest, full, options, steps_of_fold);
         OwnedCurves curves;

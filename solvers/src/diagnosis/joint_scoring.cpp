@@ -146,9 +146,8 @@ ScoringSlopes Scoring::at(const Point& point) const {
     out.information = slopes.transpose() * slopes;
   }
   for (std::size_t a = 0; a < own_.size(); ++a) {
-    const double scale = own_[a].acts == FreeParameter::Acts::numeric
-                             ? 1.0
-                             : std::max(std::abs(info_of(point.model, own_[a]).typical), 1e-12);
+    const double scale =
+        own_[a].acts == FreeParameter::Acts::numeric ? 1.0 : size_of(info_of(point.model, own_[a]));
     out.information(place_of(a), place_of(a)) += 1e-6 / (scale * scale);
   }
   hold(point, out);

@@ -6,49 +6,115 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <set>
+#include <string>
 #include <utility>
 
 #include "diagnosis/labels.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/seen_landmarks.hpp"
+#include "rangecal/core/without_readings.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/extract/extract.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-/// Correlation of a covariate with the reading about the means of readings of the same distance; 0 where too few
-/// repeat. `group`: a number of the distance, by row.
-double correlation_within(const std::vector<int>& group, const std::vector<double>& reading,
-                          const std::vector<double>& covariate) {
-  constexpr double fewest = 20.0;  // degrees of freedom
-  struct Sums {                    ///< taken from the group's first row
-    double first_x, first_y, count = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0;
-  };
-  std::map<int, Sums> groups;
-  for (std::size_t i = 0; i < reading.size(); ++i) {
-    if (!std::isfinite(covariate[i])) continue;
-    Sums& s = groups.try_emplace(group[i], Sums{reading[i], covariate[i]}).first->second;
-    const double x = reading[i] - s.first_x, y = covariate[i] - s.first_y;
-    s.count += 1.0;
-    s.x += x, s.y += y;
-    s.xx += x * x, s.yy += y * y, s.xy += x * y;
+/// Readings x of one distance and a column y at them.
+class Repeats {
+ public:
+  void add(double x, double y) {
+    if (count_ == 0.0) first_x_ = x, first_y_ = y;
+    x -= first_x_, y -= first_y_;
+    count_ += 1.0;
+    x_ += x, y_ += y;
+    xx_ += x * x, yy_ += y * y, xy_ += x * y;
   }
+  double count() const { return count_; }
+  double mean_x() const { return first_x_ + x_ / count_; }
+  double mean_y() const { return first_y_ + y_ / count_; }
+  double scatter_x() const { return xx_ - x_ * x_ / count_; }
+  double scatter_y() const { return yy_ - y_ * y_ / count_; }
+  double scatter_xy() const { return xy_ - x_ * y_ / count_; }
+  /// True if both scatter.
+  bool vary() const { return scatter_x() > 0.0 && scatter_y() > 0.0; }
+
+ private:
+  double first_x_ = 0.0, first_y_ = 0.0;  ///< the sums are about the first
+  double count_ = 0.0, x_ = 0.0, y_ = 0.0, xx_ = 0.0, yy_ = 0.0, xy_ = 0.0;
+};
+
+/// Those of every distance at which both are known, by their mean reading. `group`: a number of the distance, by row.
+std::vector<Repeats> repeats_of(const std::vector<int>& group, const std::vector<double>& reading,
+                                const std::vector<double>& column) {
+  std::map<int, Repeats> by_group;
+  for (std::size_t i = 0; i < reading.size(); ++i)
+    if (std::isfinite(reading[i]) && std::isfinite(column[i])) by_group[group[i]].add(reading[i], column[i]);
+  std::vector<Repeats> repeats;
+  for (const auto& [number, one] : by_group) repeats.push_back(one);
+  std::sort(repeats.begin(), repeats.end(),
+            [](const Repeats& a, const Repeats& b) { return a.mean_x() < b.mean_x(); });
+  return repeats;
+}
+
+/// Correlation of a column with the reading about the means of every distance; 0 where too few repeat.
+double correlation_within(const std::vector<Repeats>& repeats) {
+  constexpr double fewest = 20.0;  // degrees of freedom
   double dof = 0.0, correlation = 0.0;
-  for (const auto& [number, s] : groups) {
-    // Each group in units of its own spreads: noise grows with distance, and so may the covariate's.
-    const double xx = s.xx - s.x * s.x / s.count, yy = s.yy - s.y * s.y / s.count;
-    if (!(xx > 0.0 && yy > 0.0)) continue;
-    dof += s.count - 1.0;
-    correlation += (s.count - 1.0) * (s.xy - s.x * s.y / s.count) / std::sqrt(xx * yy);
+  for (const Repeats& r : repeats) {
+    // Each group in units of its own spreads: noise grows with distance, and so may the column's.
+    if (!r.vary()) continue;
+    dof += r.count() - 1.0;
+    correlation += (r.count() - 1.0) * r.scatter_xy() / std::sqrt(r.scatter_x() * r.scatter_y());
   }
   return dof < fewest ? 0.0 : correlation / dof;
 }
 
-/// Names of the covariates that follow the reading's own error.
-std::vector<std::string> derived_covariates(const Recording& recording) {
-  constexpr double follows = 0.7;  // rounding leaves that much; a physical cause of the error a tenth
+/// Slope of a column's means by the mean readings of a distance and its neighbours.
+double slope_between(const std::vector<Repeats>& repeats, std::size_t at) {
+  const std::size_t reach = std::max<std::size_t>(1, repeats.size() / 10);
+  Repeats means;
+  for (std::size_t i = at < reach ? 0 : at - reach; i < std::min(repeats.size(), at + reach + 1); ++i)
+    means.add(repeats[i].mean_x(), repeats[i].mean_y());
+  return means.scatter_xy() / means.scatter_x();
+}
+
+/// True if a column is a function of the reading. It moves with the reading's error from repeat to repeat, as a cause of that error does;
+/// but it moves as much when the reading changes with the distance, and a cause knows nothing of that.
+bool is_function_of_reading(const std::vector<Repeats>& repeats) {
+  constexpr double follows = 0.7;  // rounding leaves that much
+  constexpr double least = 0.5,
+                   largest = 2.0;  // of the slope from repeat to repeat over that from distance to distance
+  if (repeats.size() < 2 || !(std::abs(correlation_within(repeats)) > follows)) return false;
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < repeats.size(); ++i) {
+    if (!repeats[i].vary()) continue;
+    ratios.push_back(repeats[i].scatter_xy() / repeats[i].scatter_x() / slope_between(repeats, i));
+  }
+  std::erase_if(ratios, [](double ratio) { return std::isnan(ratio); });
+  if (ratios.empty()) return false;
+  const double ratio = upper_median(std::move(ratios));
+  return ratio > least && ratio < largest;
+}
+
+/// True if a column is the difference of reading and distance, which every cause of it would have to explain.
+bool is_error_of_reading(const Pairs& p, const std::vector<double>& column) {
+  constexpr double same = 0.9995;  // correlation; a cause beside noise of a thirtieth of it
+  Repeats all;
+  for (std::size_t i = 0; i < p.size(); ++i)
+    if (std::isfinite(p.reading_m[i]) && std::isfinite(column[i]))
+      all.add(p.reading_m[i] - p.true_m[i], column[i]);
+  return all.count() > 2.0 && all.vary() &&
+         std::abs(all.scatter_xy()) > same * std::sqrt(all.scatter_x() * all.scatter_y());
+}
+
+using Unused = std::vector<std::pair<std::string, std::string>>;  ///< columns, and why
+
+/// Columns that were computed from the reading.
+Unused derived_covariates(const Recording& recording) {
   const bool pairs = recording.kind == RecordingKind::pairs;
   const Readings& r = recording.readings;
   const Pairs& p = recording.pairs;
@@ -63,28 +129,88 @@ std::vector<std::string> derived_covariates(const Recording& recording) {
     const auto landmarks = static_cast<int>(recording.landmarks.size());
     for (std::size_t i = 0; i < r.size(); ++i) group.push_back(r.stop[i] * landmarks + r.landmark[i]);
   }
-  std::vector<std::string> names;
-  for (const auto& [name, values] : covariates)
-    if (std::abs(correlation_within(group, pairs ? p.reading_m : r.range_m, values)) > follows)
-      names.push_back(name);
-  return names;
+  Unused derived;
+  for (const auto& [name, values] : covariates) {
+    if (pairs && is_error_of_reading(p, values))
+      derived.emplace_back(name, "it is the reading's own error");
+    else if (is_function_of_reading(repeats_of(group, pairs ? p.reading_m : r.range_m, values)))
+      derived.emplace_back(
+          name,
+          "it follows the reading, from repeat to repeat as from distance to distance, so that it was "
+          "computed from it");
+  }
+  return derived;
 }
 
-/// Covariates from which no physics can be read, and why.
-std::vector<std::pair<std::string, const char*>> unused_covariates(const Recording& recording) {
-  std::vector<std::pair<std::string, const char*>> unused;
+/// Of known distances, the readings that lack a column which others have: what it does to them would be taken for something else.
+std::vector<char> incomplete_readings(const Recording& recording,
+                                      const std::set<std::string>& given_up = {}) {
+  std::vector<char> out(recording.pairs.size());
+  for (const auto& [name, values] : recording.pairs.covariates)
+    for (std::size_t i = 0; i < out.size() && !given_up.count(name); ++i)
+      if (!std::isfinite(values[i])) out[i] = 1;
+  return out;
+}
+
+/// Columns of known distances that are given up, those that most readings lack first, until half of the readings lack none.
+Unused sparse_covariates(const Recording& recording) {
+  const std::size_t readings = recording.pairs.size();
+  std::map<std::string, std::size_t> missing;
+  for (const auto& [name, values] : recording.pairs.covariates)
+    missing[name] = static_cast<std::size_t>(
+        std::count_if(values.begin(), values.end(), [](double value) { return !std::isfinite(value); }));
+  Unused sparse;
+  std::set<std::string> given_up;
+  for (;;) {
+    const std::vector<char> out = incomplete_readings(recording, given_up);
+    if (2 * static_cast<std::size_t>(std::count(out.begin(), out.end(), 1)) <= readings) return sparse;
+    const auto most = std::max_element(missing.begin(), missing.end(),
+                                       [](const auto& a, const auto& b) { return a.second < b.second; });
+    sparse.emplace_back(most->first, fmt::format("{} of {} readings lack it", most->second, readings));
+    given_up.insert(most->first);
+    missing.erase(most);
+  }
+}
+
+/// Columns from which no physics can be read.
+Unused unused_covariates(const Recording& recording) {
+  Unused unused;
   for (const char* name : {range_sd_column, bearing_sd_column})
     unused.emplace_back(name, "it says how uncertain a reading is, and nothing of what made it");
-  for (const std::string& name : derived_covariates(recording))
-    unused.emplace_back(
-        name,
-        "it follows the reading's own error from repeat to repeat, so that it was computed from the reading");
+  for (const Unused& more : {derived_covariates(recording), sparse_covariates(recording)})
+    unused.insert(unused.end(), more.begin(), more.end());
   std::erase_if(unused, [&](const auto& column) {
     return recording.readings.covariates.count(column.first) +
                recording.pairs.covariates.count(column.first) ==
            0;
   });
   return unused;
+}
+
+/// Of known distances, the rows that say what another row says, in every column, where hardly any two others agree even in all but the
+/// reading: they were copied, and a reading that is counted twice looks more exact than it is.
+std::vector<char> copied_readings(const Recording& recording) {
+  constexpr double most_alike = 0.2;
+  const Pairs& p = recording.pairs;
+  std::vector<char> copied(p.size());
+  std::set<std::vector<double>> rows, settings;
+  std::size_t originals = 0;
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    std::vector<double> row{p.true_m[i]};
+    for (const std::vector<int>* labels : {&p.landmark, &p.batch, &recording.groups.of})
+      if (!labels->empty()) row.push_back((*labels)[i]);
+    for (const std::vector<double>* numbers : {&p.bearing_rad, &p.time_s})
+      if (!numbers->empty()) row.push_back((*numbers)[i]);
+    for (const auto& [name, values] : p.covariates)
+      row.push_back(std::isfinite(values[i]) ? values[i] : std::numeric_limits<double>::max());
+    settings.insert(row);
+    row.push_back(p.reading_m[i]);
+    copied[i] = !rows.insert(std::move(row)).second;
+    originals += !copied[i];
+  }
+  if (static_cast<double>(settings.size()) < (1.0 - most_alike) * static_cast<double>(originals))
+    copied.assign(p.size(), 0);  // rounded readings of one setting
+  return copied;
 }
 
 /// sigma_xy by `marginal`; half its upper limit where the estimate is 0. None where nothing can be said.
@@ -106,7 +232,7 @@ std::optional<double> estimated_sigma_xy(std::vector<Recording> recordings) {
 std::optional<Preprocessed> preprocess(std::span<const Recording> recordings) {
   Preprocessed result;
   const std::vector<std::string> unseen = unseen_landmarks(recordings);
-  std::vector<std::vector<std::pair<std::string, const char*>>> unused;
+  std::vector<Unused> unused;
   for (const Recording& recording : recordings) unused.push_back(unused_covariates(recording));
   const bool estimate = std::any_of(recordings.begin(), recordings.end(),
                                     [](const Recording& r) { return r.estimate_sigma_xy; });
@@ -115,7 +241,15 @@ std::optional<Preprocessed> preprocess(std::span<const Recording> recordings) {
   const bool misreads = std::any_of(misread.begin(), misread.end(), [](const auto& m) { return !m.empty(); });
   const bool drops =
       std::any_of(unused.begin(), unused.end(), [](const auto& columns) { return !columns.empty(); });
-  if (unseen.empty() && !drops && !misreads && !estimate) return std::nullopt;
+  const auto any = [&](const auto& marks) {
+    return std::any_of(recordings.begin(), recordings.end(), [&](const Recording& r) {
+      const std::vector<char> out = marks(r);
+      return std::find(out.begin(), out.end(), 1) != out.end();
+    });
+  };
+  if (unseen.empty() && !drops && !misreads && !estimate &&
+      !any([](const Recording& r) { return incomplete_readings(r); }) && !any(copied_readings))
+    return std::nullopt;
   for (std::size_t i = 0; i < misread.size(); ++i) {
     result.recordings.push_back(without_misread(recordings[i], misread[i]));
     if (misread[i].empty()) continue;
@@ -134,6 +268,20 @@ std::optional<Preprocessed> preprocess(std::span<const Recording> recordings) {
       if (recording.readings.covariates.erase(name) + recording.pairs.covariates.erase(name) > 0)
         result.notes.push_back(fmt::format("column {} was not used: {}", name, because));
     }
+  const auto leave_out = [&](const std::vector<char>& out, const char* which, Recording& recording) {
+    const auto count = std::count(out.begin(), out.end(), 1);
+    if (count == 0) return;
+    const auto first = std::find(out.begin(), out.end(), 1) - out.begin();
+    const std::vector<int>& row = recording.pairs.row;
+    result.notes.push_back(fmt::format("left out, {} {}{}", count, which,
+                                       row.empty() ? "" : fmt::format(" (the first in row {})", row[first])));
+    leave_out_readings(out, recording);
+  };
+  for (Recording& recording : result.recordings) {
+    leave_out(copied_readings(recording), "row(s) that repeat another one in every column", recording);
+    leave_out(incomplete_readings(recording), "reading(s) that lack a value in a column that the others have",
+              recording);
+  }
   if (estimate) {
     const std::optional<double> sigma = estimated_sigma_xy(result.recordings);
     for (Recording& recording : result.recordings) {

@@ -7,28 +7,20 @@
 #include <limits>
 
 #include "diagnosis/free_parameters.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "solver_log.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double two_sided = 1.9207, one_sided = 1.3528;  // nats: 1.960^2 / 2 and 1.645^2 / 2
-constexpr double at_bound = 0.02;                         // nats between an estimate and its bound: the same
-constexpr double far = 4.0;                               // in u: a factor of fifty
+constexpr double two_sided = 0.5 * z95 * z95, one_sided = 0.5 * z95_one_sided * z95_one_sided;  // nats
+constexpr double at_bound = 0.02;  // nats between an estimate and its bound: the same
+constexpr double far = 4.0;        // in u: a factor of fifty
 
 /// Half the log determinant of the information on (alpha, landmarks) at a state.
 double half_log_information(const Rows& rows, const Model& model, const JointState& state) {
-  const WorkingProblem working = working_problem(rows, model, state);
-  const Projector projector(rows, working, state);
-  const auto& layout = projector.system().layout();
-  const Eigen::Index phi = rows.alpha_prior ? 0 : rows.pairs ? layout.alpha_count : layout.phi_count;
-  double sum = 0.0;
-  if (phi > 0) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(projector.phi_covariance().topLeftCorner(phi, phi));
-    if (factor.info() != Eigen::Success) return 0.0;
-    sum = factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
-  }
-  return -sum;
+  if (rows.alpha_prior) return 0.0;
+  return -Projector(rows, working_problem(rows, model, state), state).log_phi_volume();
 }
 
 class Profile {
@@ -53,7 +45,7 @@ class Profile {
 
  private:
   const FreeParameter& own(Eigen::Index a) const { return fit_.free[numeric_[static_cast<std::size_t>(a)]]; }
-  double typical(Eigen::Index a) const { return info_of(fit_.model, own(a)).typical; }
+  double typical(Eigen::Index a) const { return size_of(info_of(fit_.model, own(a))); }
   double low(Eigen::Index a) const { return bounds_of(rows_, fit_.model, own(a)).first; }
   double high(Eigen::Index a) const { return bounds_of(rows_, fit_.model, own(a)).second; }
   double& parameter(Model& model, Eigen::Index a) const { return value_of(model, own(a)); }

@@ -9,6 +9,10 @@
 #include <vector>
 
 #include "diagnosis/alternation.hpp"
+#include "diagnosis/candidates.hpp"
+#include "diagnosis/free_parameters.hpp"
+#include "diagnosis/refit_step.hpp"
+#include "diagnosis/select/hypothesis.hpp"
 #include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
@@ -68,6 +72,43 @@ void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& option
     Fit middle = refit(rows, found.model, found.state, options);
     if (middle.ok && middle.nll < fit.nll + level) fit = std::move(middle);
   }
+}
+
+/// Starts a member that jumps at a distance anew, beside the others fitted without it: readings on its wrong side have moved stops, landmarks
+/// and what else was free to where they look right, and no small move leads back.
+void start_anew(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {
+  constexpr std::size_t most_followed = 3;
+  constexpr double level = 0.3;  // nats
+  const Model others = without(fit.model, member);
+  const Fit beside = refit(rows, others, start_beside(rows, fit, others), options);
+  if (!beside.ok) return;
+  const WorkingProblem working = working_problem(rows, beside.model, beside.state);
+  const Projector projector(rows, working, beside.state);
+  const auto with = [&](const Eigen::VectorXd& start) {
+    Model model = beside.model;
+    model.insert(model.begin() + static_cast<std::ptrdiff_t>(member), {fit.model[member].effect, start});
+    return model;
+  };
+  const std::vector<Eigen::VectorXd> grid = fit.model[member].effect->start_grid(rows.context);
+  std::vector<Height> heights(grid.size());
+  in_parallel(
+      grid.size(),
+      [&](std::size_t i) {
+        const Model model = with(grid[i]);
+        const auto step = newton_parameters(rows, working, projector, model,
+                                            free_parameters(rows, projector, model, options.settled));
+        heights[i] = {step ? step->predicted_gain : 0.0, grid[i]};
+      },
+      jobs_at_once(rows.size()));
+  std::vector<Height> peaks = peaks_of(heights);
+  if (peaks.size() > most_followed) peaks.resize(most_followed);
+  std::vector<Fit> trials(peaks.size());
+  in_parallel(
+      peaks.size(),
+      [&](std::size_t i) { trials[i] = refit(rows, with(peaks[i].second), beside.state, options); },
+      jobs_at_once(rows.size()));
+  for (Fit& trial : trials)
+    if (trial.ok && trial.nll < fit.nll - level) fit = std::move(trial);
 }
 
 /// Carries lines of sight near a switching distance over it, one at a time, while that gains: the seed model
@@ -144,6 +185,7 @@ bool has_many_optima(const Effect& effect) {
 
 void refine_member(const Rows& rows, const JointState& geometry, std::size_t member,
                    const RefitOptions& options, Fit& fit) {
+  if (Sides::matter({fit.model[member]}) && fit.model.size() > 1) start_anew(rows, member, options, fit);
   scan_steps(rows, member, options, fit);
   if (Sides::matter({fit.model[member]}) && try_sides(rows, options, fit))
     scan_steps(rows, member, options, fit);

@@ -10,7 +10,8 @@ bool has_many_optima(const Effect& effect);
 
 /// Looks for a better optimum of one member of a fit, where small moves do not lead:
 ///
-///   a jump's distance, a sector   on a grid an eighth as wide as its starts, and with places carried over the jump
+///   a jump's distance             from all starts beside the other members fitted without it, and with places carried over the jump
+///   a jump's distance, a sector   on a grid an eighth as wide as its starts
 ///   a fast period                 a quarter of a peak's width at a time, from `geometry`: stops and landmarks as they are without
 ///                                 the member
 void refine_member(const Rows& rows, const JointState& geometry, std::size_t member,

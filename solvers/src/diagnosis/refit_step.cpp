@@ -92,7 +92,7 @@ Eigen::MatrixXd information_of(const Projector& projector, const Model& model,
             0.5 * (variance[a].range.dot(variance[b].range) + variance[a].bearing.dot(variance[b].bearing));
       information(b, a) = information(a, b);
     }
-    const double scale = std::max(info_of(model, free[a]).typical, 1e-12);
+    const double scale = size_of(info_of(model, free[a]));
     // A very wide prior (1000 typical sizes) keeps a direction that the calibration absorbs from running
     // away.
     information(a, a) += 1e-6 / (scale * scale);
@@ -132,11 +132,12 @@ void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& o
   RefitOptions staying = options;           // tails and dependence move no place by much
   staying.places_stay = true;
   const EffectParameter& info = info_of(fit.model, p);
-  const bool positive = info.low >= 0.0;
-  const double unit = std::max(std::abs(info.typical), 1e-9);
+  const auto [low, high] = bounds_of(rows, fit.model, p);
+  const bool positive = low >= 0.0;
+  const double unit = size_of(info);
   // u: the parameter in typical sizes, in its logarithm where it is positive.
   const auto u_of = [&](double x) { return positive ? std::log(x / unit) : x / unit; };
-  const double lowest = u_of(info.low), highest = u_of(info.high), narrow = positive ? 0.02 : 0.01;
+  const double lowest = u_of(low), highest = u_of(high), narrow = positive ? 0.02 : 0.01;
   struct Point {
     double u, nll;
   };

@@ -150,7 +150,11 @@ std::optional<EffectsCovariance> effects_covariance_of(const Rows& rows, const F
 /// Of each column that the effects use, the values in the recordings; labels aside.
 void fill_effects_range(const Rows& rows, Calibration& calibration) {
   const std::vector<std::string>& covariates = rows.context.covariates;
-  for (const EffectCorrector::Need& need : EffectCorrector(calibration, covariates).needs()) {
+  if (const double duration = rows.context.duration_s; duration > 0.0)
+    calibration.effects_range["time_s"] = {0.0, duration};  // for effects that count time in it
+  const std::vector<EffectCorrector::Need> needs = EffectCorrector(calibration, covariates).needs();
+  calibration.effects_range.clear();
+  for (const EffectCorrector::Need& need : needs) {
     const bool angle = need.column == "bearing_rad" || need.column == "heading_rad";
     std::vector<double> values;
     if (need.column == "bearing_rad") values = rows.bearing_rad;
@@ -189,9 +193,6 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
   c.scale = rows.curve.scale;
   c.alpha = fit.state.alpha;
   if (fit.alpha_covariance.size() > 0) c.alpha_covariance = fit.alpha_covariance;
-  if (c.alpha_covariance && !fit.free.empty())
-    c.covariance_reason =
-        "at the effects' parameters: their own errors are not in the covariances of curve and landmarks";
   c.noise = fit.state.noise;
   const auto known = [](double std_dev) { return std_dev > 0.0 ? std::optional(std_dev) : std::nullopt; };
   c.noise_estimates = {{fit.state.noise.parameters[0], known(fit.noise_std * fit.state.noise.parameters[0])}};
@@ -231,6 +232,12 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
       c.effects[active.effect->info().id][active.effect->info().parameters[j].name] =
           active.parameters[static_cast<Eigen::Index>(j)];
   if (!fit.model.empty()) c.effects_covariance = effects_covariance_of(rows, fit);
+  if (c.effects_covariance)
+    c.alpha_covariance = c.effects_covariance->matrix.topLeftCorner(c.alpha.size(), c.alpha.size());
+  if (c.alpha_covariance && !fit.free.empty() && !(rows.pairs && c.effects_covariance))
+    c.covariance_reason =
+        fmt::format("at the effects' parameters: their own errors are not in the covariances of {}",
+                    c.effects_covariance ? "the landmarks" : "curve and landmarks");
   return c;
 }
 

@@ -15,6 +15,7 @@
 #include "diagnosis/places.hpp"
 #include "diagnosis/report.hpp"
 #include "diagnosis/residual_bins.hpp"
+#include "diagnosis/select/hypothesis.hpp"
 #include "diagnosis/simulation_compare.hpp"
 #include "diagnosis/undetermined.hpp"
 #include "diagnosis/withdrawal.hpp"
@@ -167,8 +168,14 @@ class Reporting {
       result_.sentence = "No mismatch: the simulation accounts for this recording within its noise.";
   }
 
-  /// No name to correct by, but the noise is that of the completed model.
+  /// No name to correct by, but the noise is that of the completed model. Beside a curve that moves the ranges, which no correction knows,
+  /// the curve would be off by what that one takes up: the calibration stays, its noise with what is left in it.
   void take_noise_of(const Fit& curve) {
+    if (std::any_of(curve.model.begin(), curve.model.end(), [](const ActiveEffect& a) {
+          return is_generic(*a.effect) && a.effect->info().kind == EffectKind::mean &&
+                 a.effect->info().channel == "range";
+        }))
+      return;
     Calibration of_curve = calibration_of(rows_, recordings_, curve);
     Calibration& corrected = result_.corrected;
     corrected.alpha = std::move(of_curve.alpha);

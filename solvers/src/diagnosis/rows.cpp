@@ -30,16 +30,31 @@ void add_covariates(const Covariates& columns, std::size_t row, Rows& rows) {
   }
 }
 
-/// True of known distances that were read one after another on the way, hardly any of them twice.
+/// What the readings of one setting have in common: stretch of the file, batch, group, true distance, device and bearing. A distance
+/// that comes again elsewhere in the file, or because it was noted to a centimetre, is no repeat of what was read then.
+using Setting = std::tuple<int, int, int, double, int, double>;
+
+std::vector<Setting> settings_of_pairs(const Recording& recording) {
+  const Pairs& p = recording.pairs;
+  const std::vector<int>& group = recording.groups.of;
+  const Blocks blocks = blocks_of(recording);
+  const bool stretches = blocks.kind == BlockKind::stretches;
+  std::vector<Setting> settings;
+  for (std::size_t i = 0; i < p.size(); ++i)
+    settings.emplace_back(stretches ? blocks.of[i] : 0, p.batch.empty() ? 0 : p.batch[i],
+                          group.empty() ? 0 : group[i], p.true_m[i], p.landmark.empty() ? 0 : p.landmark[i],
+                          p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]);
+  return settings;
+}
+
+/// True of known distances that were read one after another on the way, hardly any of them several times in a row.
 bool in_sequence(const Recording& recording) {
   constexpr double most_repeats = 0.2;
   constexpr std::size_t fewest = 60;
   const Pairs& p = recording.pairs;
   if (!p.batch.empty() || p.size() < fewest || recording.reference.sigma_m > 0.0) return false;
-  std::set<std::tuple<double, int, double>> distinct;
-  for (std::size_t i = 0; i < p.size(); ++i)
-    distinct.emplace(p.true_m[i], p.landmark.empty() ? 0 : p.landmark[i],
-                     p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]);
+  const std::vector<Setting> settings = settings_of_pairs(recording);
+  const std::set<Setting> distinct(settings.begin(), settings.end());
   return static_cast<double>(distinct.size()) >= (1.0 - most_repeats) * static_cast<double>(p.size());
 }
 
@@ -47,24 +62,20 @@ bool in_sequence(const Recording& recording) {
 /// in a sequence.
 std::vector<int> cells_of_pairs(const Recording& recording) {
   const Pairs& p = recording.pairs;
-  const std::vector<int>& group = recording.groups.of;
-  std::map<std::tuple<int, int, double, int, double>, int> known;
+  std::map<Setting, int> known;
   std::vector<int> cell(p.size());
   if (in_sequence(recording)) {
     std::iota(cell.begin(), cell.end(), 0);
     return cell;
   }
+  const std::vector<Setting> settings = settings_of_pairs(recording);
   int count = 0;
   for (std::size_t i = 0; i < p.size(); ++i) {
-    const int batch = p.batch.empty() ? 0 : p.batch[i];
-    if (batch < 0) {
+    if (!p.batch.empty() && p.batch[i] < 0) {
       cell[i] = count++;
       continue;
     }
-    const auto [found, opens] = known.try_emplace(
-        {batch, group.empty() ? 0 : group[i], p.true_m[i], p.landmark.empty() ? 0 : p.landmark[i],
-         p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]},
-        count);
+    const auto [found, opens] = known.try_emplace(settings[i], count);
     count += opens;
     cell[i] = found->second;
   }

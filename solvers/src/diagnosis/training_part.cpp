@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/free_parameters.hpp"
 #include "diagnosis/subset.hpp"
 
 namespace rangecal::diagnosis {
@@ -14,11 +15,11 @@ namespace {
 void fit_numeric(const Rows& rows, const Fit& full, Model& model, const JointState& state) {
   for (const FreeParameter& p : full.free) {
     if (p.acts != FreeParameter::Acts::numeric) continue;
-    const EffectParameter& info = model[p.effect].effect->info().parameters[p.index];
-    double& value = model[p.effect].parameters[p.index];
-    const double centre = value, step = 0.2 * std::max(std::abs(centre), 0.2 * info.typical);
+    const auto [lowest, highest] = bounds_of(rows, model, p);
+    double& value = value_of(model, p);
+    const double centre = value, step = 0.2 * std::max(std::abs(centre), 0.2 * size_of(info_of(model, p)));
     const auto at = [&](double x) {
-      value = std::clamp(x, info.low, info.high);
+      value = std::clamp(x, lowest, highest);
       JointState trial = state;
       return laplace_value(rows, model, trial);
     };

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "diagnosis/free_parameters.hpp"
 #include "diagnosis/signatures.hpp"
 #include "rangecal/core/polynomial.hpp"
 
@@ -61,7 +62,7 @@ std::optional<TypicalEffect> typical_effect(const Space& space, const Effect& ef
     for (int j = 0; j < count; ++j) {
       const EffectParameter& parameter = info.parameters[static_cast<std::size_t>(j)];
       if (parameter.discrete) continue;
-      const double size = std::abs(start[j]) / std::max(parameter.typical, 1e-12);
+      const double size = std::abs(start[j]) / size_of(parameter);
       largest = parameter.low < 0.0 ? std::hypot(largest, size) : std::max(largest, size);
     }
     Eigen::VectorXd p = start;

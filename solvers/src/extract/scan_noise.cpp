@@ -9,6 +9,7 @@
 
 #include "extract/thinned.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
@@ -25,8 +26,8 @@ namespace {
 
 using extract::Triple;
 
-constexpr double coarsest_m = 0.01;                ///< of the resolutions that an output may have
-constexpr double kMadToSigma = 1.482602218505602;  // 1 / Phi^-1(3/4)
+constexpr double coarsest_m = 0.01;  ///< of the resolutions that an output may have
+constexpr double kMadToSigma = 1.0 / median_of_normal_size;
 
 std::vector<Triple> triples_of(const Scan& scan) {
   std::vector<Triple> triples;

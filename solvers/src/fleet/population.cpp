@@ -192,6 +192,9 @@ Population population_of(const UnitStream& stream, const PopulationOptions& opti
       throw InputError("fit_population: units differ in their number of unknowns");
     if (!u.theta.allFinite() || !u.information.allFinite())
       throw InputError("fit_population: a unit is not finite");
+    if (u.information.llt().info() != Eigen::Success)
+      throw InputError(
+          "fit_population: a unit's information is not positive definite: it does not determine its own unknowns");
     low = low.cwiseMin(u.theta);
     high = high.cwiseMax(u.theta);
     ++count;

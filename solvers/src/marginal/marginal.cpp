@@ -90,9 +90,12 @@ MarginalFit marginal_fit(const JointProblem& problem, const JointState& start, c
   fit.outcome = converged ? Outcome::converged : Outcome::not_converged;
   if (converged) fit.reml = marginal.reml();
   for (int i : converged ? marginal.vanished() : std::vector<int>{})
-    fit.reason += fmt::format(
-        "{}{} is drawn to 0 and held: the errors of the stops explain all that it would",
-        fit.reason.empty() ? "" : "; ", i == marginal.layout().sigma_theta ? "sigma_theta" : "sigma_e");
+    fit.reason +=
+        fmt::format("{}{} is drawn to 0 and held: the errors of the stops explain all that it would",
+                    fit.reason.empty() ? "" : "; ",
+                    i == marginal.layout().sigma_theta ? "sigma_theta"
+                    : i == marginal.layout().sigma_s   ? "sigma_s"
+                                                       : "sigma_e");
   if (!converged)
     fit.reason = fmt::format("no fixed point after {} iterations; gradient norm {:.1e}", fit.iterations,
                              fit.gradient_norm);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::pairs_ml {
@@ -55,7 +56,8 @@ Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, No
     if (unit.power_of_f() > 0 && !(f > 0.0)) return {};
     deviation[i] /= unit.spread(problem.row_true_m[i], f);
   }
-  scale_noise(x, n, law, 1.4826 * std::max(upper_median(deviation, problem.row_weight), 1e-12));
+  scale_noise(x, n, law,
+              std::max(upper_median(deviation, problem.row_weight), 1e-12) / median_of_normal_size);
   return x;
 }
 

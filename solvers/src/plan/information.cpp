@@ -71,7 +71,7 @@ std::vector<Nuisance> nuisances_of(const PlanRequest& request, const Rows& rows)
     Nuisance nuisance{{effect, grid[grid.size() / 2]}, {}};
     const auto& parameters = effect->info().parameters;
     for (std::size_t j = 0; j < parameters.size(); ++j) {
-      if (parameters[j].discrete || !(parameters[j].typical > 0.0)) continue;
+      if (parameters[j].discrete || parameters[j].typical == 0.0) continue;
       if (parameters[j].linear)
         nuisance.active.parameters[static_cast<Eigen::Index>(j)] = parameters[j].typical;
       nuisance.indices.push_back(static_cast<int>(j));

@@ -9,6 +9,7 @@
 #include "closed_form/stop_variance.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 #include "recursive/count_up.hpp"
@@ -181,7 +182,7 @@ std::size_t RecursiveLandmarks::cell_of(int landmark) {
 /// The row of the latest stop that a reading is alike, else a new one behind the landmark's others.
 std::size_t RecursiveLandmarks::row_of(int landmark, double range_m, double bearing_rad) {
   constexpr std::size_t apart = 64;  // rows of a landmark before any are put together
-  constexpr double alike = 0.25, of_normal = 1.4826022185056018;
+  constexpr double alike = 0.25, of_normal = 1.0 / median_of_normal_size;
   const Cells& c = held_.cells;
   std::size_t begin = static_cast<std::size_t>(c.stop_begin.end()[-2]);
   while (begin < c.size() && c.landmark[begin] != landmark) ++begin;

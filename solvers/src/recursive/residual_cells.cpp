@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 #include "recursive/signed_intervals.hpp"
 
@@ -18,7 +19,7 @@ using Reference = ResidualCells::Reference;
 
 constexpr std::size_t kept_first = 64;
 constexpr SignedIntervals intervals{.width = 0.5, .even_to = 5.0, .ratio = 1.5, .farthest = 1e6};
-constexpr double of_normal = 1.4826022185056018;  // spread of a normal over its median deviation
+constexpr double of_normal = 1.0 / median_of_normal_size;  // spread of a normal over its median deviation
 
 /// Number of the interval of v, for z at a place u of the bin.
 int interval_of(const Reference& reference, double u, double z) {

@@ -21,7 +21,7 @@ double median_of(std::span<const double> values) {
 /// log C(n, k); -infinity where there is no such choice.
 double log_choose(int n, int k) {
   if (k < 0 || k > n || n < 0) return -INFINITY;
-  return std::lgamma(n + 1.0) - std::lgamma(k + 1.0) - std::lgamma(n - k + 1.0);
+  return log_gamma(n + 1.0) - log_gamma(k + 1.0) - log_gamma(n - k + 1.0);
 }
 
 double probability_of_runs(int r, int n1, int n2) {

@@ -19,6 +19,7 @@
 namespace rangecal {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::UnorderedElementsAre;
@@ -95,6 +96,105 @@ TEST(DiagnosedColumns, TwoOfAKindStandSideBySide) {
   const nlohmann::json json = nlohmann::json::parse(diagnosis_to_json(d));
   EXPECT_THAT(json["final"]["effects"], ElementsAre("covariate_drift", "covariate_drift"));
   EXPECT_TRUE(json["final"]["parameters"].contains("covariate_drift:pressure_hpa.offset_m"));
+}
+
+/// `count` readings y = d + a (T - 20) + N(0, sigma), d by `distance`, T from 10 to 30 and never the same twice.
+template <typename Distance>
+Recording warmed(const std::string& name, int count, double a, double sigma, const Distance& distance) {
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.path = name;
+  Random random(seed_from("DiagnosedColumns " + name));
+  for (int i = 0; i < count; ++i) {
+    const double d = distance(random), T = random.uniform(10.0, 30.0);
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(d + a * (T - 20.0) + random.normal(0.0, sigma));
+    recording.pairs.covariates["temperature_c"].push_back(T);
+    recording.pairs.row.push_back(i + 2);
+  }
+  return recording;
+}
+
+double to_a_centimetre(Random& random) { return 0.01 * std::round(random.uniform(30.0, 500.0)); }
+double one_of_five(Random& random) { return 0.5 + std::floor(random.uniform(0.0, 5.0)); }
+
+const char* const by_the_kelvin = "temperature_coefficient:temperature_c";
+
+// Of 400 distances noted to a centimetre 150 come twice or more, in rows far apart, at other temperatures.
+TEST(DiagnosedColumns, DistancesNotedToACentimetreAreNoRepeats) {
+  for (const double sigma : {0.003, 0.006, 0.012}) {
+    const Diagnosis d =
+        diagnosed(warmed("centimetres " + std::to_string(sigma), 400, 0.001, sigma, to_a_centimetre));
+    EXPECT_THAT(d.final_effects, ElementsAre(by_the_kelvin)) << sigma << ' ' << d.sentence;
+    EXPECT_TRUE(d.after.heldout_nll) << sigma;
+    // At the mean distance of 2.65 m, where offset and scale are independent.
+    const double per_kelvin = estimate_of(d, std::string(by_the_kelvin) + ".offset_m_per_k") +
+                              2.65 * estimate_of(d, std::string(by_the_kelvin) + ".scale_per_k");
+    EXPECT_NEAR(per_kelvin, 0.001, 4.0 * sigma / 5.8 / 20.0) << sigma;
+  }
+}
+
+// It moves with the reading's error, as what was computed from the reading would; but not with the distance.
+TEST(DiagnosedColumns, ATemperatureThatChangesBetweenRepeatsIsACause) {
+  for (const double sigma : {0.002, 0.006}) {
+    const Diagnosis d = diagnosed(warmed("repeats " + std::to_string(sigma), 300, 0.001, sigma, one_of_five));
+    EXPECT_THAT(d.final_effects, ElementsAre(by_the_kelvin)) << sigma << ' ' << d.sentence;
+  }
+}
+
+TEST(DiagnosedColumns, RowsThatWereCopiedAreLeftOut) {
+  Recording recording =
+      warmed("copied", 400, 0.0, 0.006, [](Random& random) { return random.uniform(0.3, 5.0); });
+  Pairs& p = recording.pairs;
+  for (std::size_t i = 0; i < 120; ++i) {
+    p.true_m.push_back(p.true_m[2 * i]);
+    p.reading_m.push_back(p.reading_m[2 * i]);
+    p.covariates["temperature_c"].push_back(p.covariates["temperature_c"][2 * i]);
+    p.row.push_back(static_cast<int>(402 + i));
+  }
+  const Diagnosis d = diagnosed(recording);
+  EXPECT_EQ(d.verdict, Verdict::no_mismatch) << d.sentence;
+  EXPECT_THAT(
+      d.notes,
+      Contains("left out, 120 row(s) that repeat another one in every column (the first in row 402)"));
+  EXPECT_EQ(d.baseline.counts.used, recording.counts.used);
+}
+
+TEST(DiagnosedColumns, ReadingsWithoutATemperatureAreLeftOut) {
+  Recording recording =
+      warmed("incomplete", 450, 0.0015, 0.006, [](Random& random) { return random.uniform(0.3, 5.0); });
+  for (std::size_t i = 0; i < 450; i += 15) recording.pairs.covariates["temperature_c"][i] = std::nan("");
+  const Diagnosis d = diagnosed(recording);
+  EXPECT_EQ(d.verdict, Verdict::explained) << d.sentence;
+  EXPECT_THAT(d.final_effects, ElementsAre(by_the_kelvin));
+  EXPECT_THAT(
+      d.notes,
+      Contains(
+          "left out, 30 reading(s) that lack a value in a column that the others have (the first in row 2)"));
+
+  for (std::size_t i = 0; i < 300; ++i) recording.pairs.covariates["temperature_c"][i] = std::nan("");
+  EXPECT_THAT(diagnosed(recording).notes,
+              Contains(HasSubstr("column temperature_c was not used: 310 of 450 readings lack it")));
+}
+
+// A curve of order 5 has no name; the calibration is that of the seed model, not what was fitted beside the curve for what is left.
+TEST(DiagnosedColumns, ACurveWithoutANameLeavesTheCalibrationAsItWas) {
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.path = "bent";
+  Random random(seed_from("DiagnosedColumns bent"));
+  for (int i = 0; i < 400; ++i) {
+    const double d = random.uniform(0.3, 5.0), x = (d - 2.65) / 2.35;
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(d + 0.01 * (16.0 * x * x * x * x * x - 20.0 * x * x * x + 5.0 * x) +
+                                        random.normal(0.0, 0.006));
+    recording.pairs.row.push_back(i + 2);
+  }
+  const Diagnosis d = diagnosed(recording);
+  EXPECT_EQ(d.verdict, Verdict::unexplained) << d.sentence;
+  EXPECT_THAT(d.final_effects, ElementsAre("generic"));
+  EXPECT_EQ(d.corrected.alpha, d.baseline.alpha);
+  EXPECT_EQ(d.corrected.noise.parameters, d.baseline.noise.parameters);
 }
 
 TEST(DiagnosedColumns, ColumnsWithoutACauseStayQuiet) {

@@ -65,8 +65,9 @@ TEST(EffectsCovariance, IsThatOfTheRegressionOnCurveAndEffect) {
       EXPECT_NEAR(stated(i, j), expected(i, j), 0.06 * std::sqrt(expected(i, i) * expected(j, j)))
           << i << " " << j;
   EXPECT_LT(expected(1, alphas), -0.1 * std::sqrt(expected(1, 1) * expected(alphas, alphas)));
-  // given theta the curve is known better
-  EXPECT_LT((*c.alpha_covariance)(1, 1), stated(1, 1));
+  EXPECT_EQ(*c.alpha_covariance, stated.topLeftCorner(alphas, alphas))
+      << "the errors of the effect are in the curve's";
+  EXPECT_EQ(c.covariance_reason, "");
 }
 
 }  // namespace

@@ -125,6 +125,42 @@ TEST(Preprocessed, AColumnComputedFromTheReadingIsNoCovariate) {
   EXPECT_FALSE(diagnosis::preprocess({&recording, 1}));
 }
 
+// y = d + 0.002 (T - 20): a temperature moves with the reading's error from repeat to repeat, a disparity with the distance too, and the
+// difference of reading and distance is what is to be explained.
+TEST(Preprocessed, ACauseThatMovesWithTheErrorIsNotComputedFromTheReading) {
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  Random random(seed_from("moves with the error"));
+  Pairs& p = recording.pairs;
+  for (int i = 0; i < 400; ++i) {
+    const double d = 0.5 + 0.25 * (i % 20), T = random.uniform(10.0, 30.0);
+    const double error = 0.002 * (T - 20.0) + random.normal(0.0, 0.003);
+    p.true_m.push_back(d);
+    p.reading_m.push_back(d + error);
+    p.covariates["temperature_c"].push_back(T);
+    p.covariates["disparity_px"].push_back(std::round(20000.0 / (d + error)));
+    p.covariates["error_mm"].push_back(std::round(1e4 * error) / 10.0);
+  }
+  const std::optional<diagnosis::Preprocessed> preprocessed = diagnosis::preprocess({&recording, 1});
+  ASSERT_TRUE(preprocessed);
+  const Covariates& left = preprocessed->recordings[0].pairs.covariates;
+  EXPECT_EQ(left.size(), 1u);
+  EXPECT_EQ(left.count("temperature_c"), 1u);
+}
+
+// Readings of a sensor that gives centimetres, three to a distance: alike, and no copies.
+TEST(Preprocessed, RoundedReadingsOfOneSettingAreNoCopies) {
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  Random random(seed_from("rounded"));
+  for (int i = 0; i < 300; ++i) {
+    const double d = 0.5 + 0.01 * (i / 3);
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(0.01 * std::round(100.0 * (d + random.normal(0.0, 0.004))));
+  }
+  EXPECT_FALSE(diagnosis::preprocess({&recording, 1}));
+}
+
 TEST(Preprocessed, HowUncertainAReadingIsMadeNoReading) {
   Recording recording = scattered_stops(0.0, 1);
   recording.sigma_xy_m = 0.005;

@@ -369,6 +369,10 @@ TEST(Population, SaysWhenItCannot) {
   EXPECT_THROW(calibrate_in_population(PairsProblem{}, Population{}), InputError);
   few.push_back({VectorXd::Zero(3), MatrixXd::Identity(3, 3)});
   EXPECT_THROW(fit_population(stream_of(few)), InputError);
+  std::vector<UnitSummary> blind(8, {mu, MatrixXd::Identity(4, 4)});
+  blind[5].information(2, 2) = 0.0;
+  EXPECT_THAT([&] { fit_population(stream_of(blind)); },
+              ::testing::ThrowsMessage<InputError>(::testing::HasSubstr("not positive definite")));
   Calibration none;
   EXPECT_FALSE(summarise(none));
   const Population population = true_population(),

@@ -26,6 +26,9 @@ double chi_squared_upper_quantile(double q, double degrees);
 /// t with P(T <= t) = p, p in (0, 1), of a Student t with `degrees` of freedom.
 double student_t_quantile(double p, double degrees);
 
+/// ln Gamma(x), x > 0; unlike std::lgamma, which writes the sign to a variable of the process, it may be called by several threads.
+double log_gamma(double x);
+
 /// P(X > x) of Fisher's F with so many degrees of freedom above and below the line, x >= 0.
 double fisher_f_upper(double x, double numerator, double denominator);
 

@@ -145,17 +145,16 @@ double margin_as_it_stands(const ActiveEffect& name, const Hypotheses& table, st
 /// Probability of sets that the linearised problem makes likely and that were not fitted, over these and those that were.
 double omitted_probability(const Hypotheses& table, std::size_t known) {
   std::set<std::vector<std::string>> fitted;
-  double of_fitted = 0.0;
-  const double top = table.front()->log_posterior;
-  for (const auto& h : table) {
-    fitted.insert(member_names(h->fit.model, known));
-    of_fitted += std::exp(h->log_posterior - top);
-  }
-  std::map<std::vector<std::string>, double> omitted;  // their log posterior where it was seen last
+  for (const auto& h : table) fitted.insert(member_names(h->fit.model, known));
+  std::map<std::vector<std::string>, double>
+      omitted;  // log posteriors: those by the likeliest set that proposes them
+  double top = table.front()->log_posterior;
   for (const auto& h : table)
     for (const TriedSet::Proposal& p : h->proposals)
-      if (!fitted.count(p.members)) omitted.try_emplace(p.members, p.log_posterior);
-  double of_omitted = 0.0;
+      if (!fitted.count(p.members) && omitted.try_emplace(p.members, p.log_posterior).second)
+        top = std::max(top, p.log_posterior);
+  double of_fitted = 0.0, of_omitted = 0.0;
+  for (const auto& h : table) of_fitted += std::exp(h->log_posterior - top);
   for (const auto& [members, log_posterior] : omitted) of_omitted += std::exp(log_posterior - top);
   return of_omitted / (of_fitted + of_omitted);
 }
@@ -182,9 +181,10 @@ Candidate candidate_of(const Hypothesis& h, double probability, double baseline_
 }
 
 /// Nats by which the readings prefer `best` to another set. Priors alone are no reason to give one name only: where the
-/// posteriors are not far apart, and the likelihoods less their parameters (AIC) next to nothing, they do not tell.
+/// posteriors are not far apart, and the likelihoods less their parameters (AIC) by no more than two causes that the design cannot tell
+/// apart differ by chance, they do not tell.
 double gap_to(const Candidate& best, const Candidate& other) {
-  constexpr double not_far = 8.0, next_to_nothing = 1.0;  // nats
+  constexpr double not_far = 8.0, by_chance = 2.0;  // nats
   const auto moves_means = [](const Candidate& c) {
     return std::all_of(c.fit.model.begin(), c.fit.model.end(),
                        [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::mean; });
@@ -192,7 +192,7 @@ double gap_to(const Candidate& best, const Candidate& other) {
   const double gap = best.evidence - other.evidence;
   if (!moves_means(best) || !moves_means(other)) return gap;
   const double by_aic = best.gain - best.parameters - (other.gain - other.parameters);
-  return gap < not_far && by_aic < next_to_nothing ? std::min(gap, std::max(0.0, by_aic)) : gap;
+  return gap < not_far && by_aic < by_chance ? std::min(gap, std::max(0.0, by_aic)) : gap;
 }
 
 /// Members of the likeliest set that have a name.

@@ -6,17 +6,17 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <set>
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/free_parameters.hpp"
 #include "diagnosis/generic_effect.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-const double log_two_pi = std::log(2.0 * std::numbers::pi);
+constexpr double log_two_pi = 2.0 * half_log_two_pi;
 
 /// ln of the density of N(x; 0, V); -infinity where V is not positive definite.
 double log_normal_density(const Eigen::VectorXd& x, const Eigen::MatrixXd& V) {
@@ -41,7 +41,7 @@ bool spans_decades(double low, double high) { return low > 0.0 && high > 100.0 *
 /// ln of the density of Student's t at a parameter's typical size, of its positive half where it has no sign.
 double log_density_of_size(const EffectParameter& parameter, double low, double value,
                            const SelectionPriors& priors) {
-  const double typical = std::max(std::abs(parameter.typical), 1e-12);
+  const double typical = size_of(parameter);
   const double both_signs = low >= 0.0 ? 2.0 : 1.0;
   return std::log(both_signs * boost::math::pdf(boost::math::students_t(priors.size_dof), value / typical) /
                   typical);
@@ -54,7 +54,7 @@ double log_integral_from_bound(const Rows& rows, const Fit& fit, const FreeParam
   constexpr double first = 0.02, factor = 2.0, gone = 6.0;  // of the typical size; nats
   const EffectParameter& info = info_of(fit.model, p);
   const auto [low, high] = bounds_of(rows, fit.model, p);
-  const double typical = std::max(std::abs(info.typical), 1e-12);
+  const double typical = size_of(info);
   double integral = 0.0, x_before = low, density_before = -1.0;
   for (double offset = 0.0;; offset = offset > 0.0 ? factor * offset : first * typical) {
     const double x = std::min(low + offset, high);
@@ -80,7 +80,7 @@ double log_volume_of_numeric(const Rows& rows, const Fit& fit, const FreeParamet
   const auto [low, high] = bounds_of(rows, fit.model, p);
   const double value = fit.model[p.effect].parameters[p.index];
   const bool positive = low >= 0.0 && value > 0.0;
-  const double reach = positive ? std::log(1.3) : 0.3 * std::max(std::abs(info.typical), 1e-9);
+  const double reach = positive ? std::log(1.3) : 0.3 * size_of(info);
   RefitOptions staying = options;
   staying.places_stay = true;
   double rise = 0.0;
@@ -99,7 +99,7 @@ double log_volume_of_numeric(const Rows& rows, const Fit& fit, const FreeParamet
   // value +- reach raises the NLL by reach^2 / (2 sigma^2)
   constexpr double widest = 1.0;   // an e-fold, or as many typical sizes as `reach` is parts of one
   constexpr double unseen = 0.02;  // nats, for a factor of 1.3
-  if (positive && rise < unseen && value < std::abs(info.typical))
+  if (positive && rise < unseen && value < size_of(info))
     return std::min(0.0, log_integral_from_bound(rows, fit, p, staying, priors));
   const double sigma =
       sides == 0 || !(rise > 0.0) ? widest : std::min(widest, reach / std::sqrt(2.0 * rise / sides));
@@ -151,7 +151,7 @@ double log_prior_density(const EffectParameter& parameter, double low, double hi
 double prior_width(const EffectParameter& parameter, double low, double high, double value) {
   if (!parameter.linear && std::isfinite(high - low))
     return (spans_decades(low, high) ? value * std::log(high / low) : high - low) / std::sqrt(12.0);
-  return std::max({std::abs(parameter.typical), std::abs(value), 1e-12});
+  return std::max(size_of(parameter), std::abs(value));
 }
 
 double prior_width(const Rows& rows, const Model& model, const FreeParameter& p) {

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <optional>
 #include <set>
 
 #include "diagnosis/select/hypothesis.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -20,8 +20,6 @@ constexpr int most_looked_at = 40;     ///< sets
 constexpr std::size_t branches = 8;    ///< likeliest sets that one move makes of a set
 constexpr int most_for_pairs = 2;      ///< sets to which two names are added at once
 constexpr double hidden = 3.0;         ///< nats that these gain together beyond what they gain alone
-
-const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
 using Key = std::vector<std::string>;  ///< member names, sorted
 

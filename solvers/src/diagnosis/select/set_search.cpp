@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <optional>
@@ -52,6 +53,8 @@ constexpr double refining_adds = 5.0, refining_share = 0.2;
 constexpr double near_the_top = 15.0;
 /// Nats by which other optima make a set likelier, for it to be scanned once more.
 constexpr double worth_another_scan = 2.0;
+/// The share of what a member is worth by which the linearised problem may be off about another one in its place.
+constexpr double linear_is_off_by = 0.05;
 constexpr double likelier = 0.01;  ///< nats by which a fit replaces another of the same set
 /// Below this share of the alarm rate the battery raises the alarm alone; above it some set has to be likelier than none, too.
 constexpr double alarm_alone_share = 0.1;
@@ -168,9 +171,9 @@ class SetSearch {
   }
 
   /// True if the other members may have been fitted about a wrong start of this one: what moves no mean takes up what means
-  /// leave, and periods, time constants, stops and landmarks have many optima.
+  /// leave (a curve of the spread what a name would), and periods, time constants, stops and landmarks have many optima.
   static bool may_hold_fast(const Effect& effect) {
-    return !is_generic(effect) && (effect.info().kind != EffectKind::mean || has_many_optima(effect));
+    return effect.info().kind != EffectKind::mean || (!is_generic(effect) && has_many_optima(effect));
   }
 
   /// The likeliest set; then, for the best may not be seen from there, the next likeliest, and the likeliest without each
@@ -214,13 +217,13 @@ class SetSearch {
     fit_all(here, std::move(wanted));
   }
 
-  /// Nats by which fits fell short of what was predicted of sets with some of these members, beside `here` others: along what these change
-  /// the problem is not linear, and sets that hold more will fall short too.
+  /// Nats by which fits fell short of what was predicted at `here` of sets with some of these members, beside its own others: along what
+  /// these change the problem is not linear, and sets that hold more will fall short too. What another set predicted of them says nothing.
   double shortfall_of(const Names& names, const Names& here) const {
     double most = 0.0;
     for (const auto& h : table_) {
       const Names own = names_of(*h);
-      if (std::includes(names.begin(), names.end(), own.begin(), own.end()) &&
+      if (h->parent == here && std::includes(names.begin(), names.end(), own.begin(), own.end()) &&
           !std::includes(here.begin(), here.end(), own.begin(), own.end()))
         most = std::max(most, h->predicted_gain - h->gain);
     }
@@ -436,10 +439,25 @@ class SetSearch {
     LinearSet own;
     for (const LinearSet& set : sets)
       if (member_names(with_others(set), known_count()) == mine) own = set;
+    std::map<Names, double> gains;
+    for (const LinearSet& set : sets) gains.emplace(member_names(with_others(set), known_count()), set.gain);
+    // What the linearised problem makes an exchange of one member lose, as far as that may be its own error: of an effect far beyond the noise
+    // a per cent is many nats, and a twin would never be fitted.
+    const auto may_be_off = [&](const Names& names, double gain) {
+      Names rest;
+      std::set_intersection(names.begin(), names.end(), mine.begin(), mine.end(), std::back_inserter(rest));
+      const auto without = gains.find(rest);
+      if (names.size() != mine.size() || rest.size() + 1 != mine.size() || without == gains.end()) return 0.0;
+      return std::max(0.0, std::min(own.gain - gain, linear_is_off_by * (own.gain - without->second)));
+    };
     std::vector<Wanted> wanted;
     std::map<std::size_t, double> likeliest_of_size;
     const double top = likeliest().log_posterior;
-    for (const LinearSet& set : sets) {
+    for (const LinearSet& as_linear : sets) {
+      LinearSet set = as_linear;
+      const double off = may_be_off(member_names(with_others(set), known_count()), set.gain);
+      set.gain += off;
+      set.log_posterior += off;
       // Gains on the linearised problem can be believed for a few steps only: sets are compared within their size, and kept if they may
       // reach the likeliest.
       const double more = set.gain - own.gain, rescaled = gain_with_its_own_noise(more);
@@ -638,11 +656,30 @@ class SetSearch {
         refine_member(rows_, table_.front()->fit.state, i, options_, fit);
   }
 
+  /// True if what an effect does to the readings differs more from repeat to repeat than from setting to setting, as that of a temperature
+  /// may that is never the same twice: every reading is then a setting of its own.
+  bool differs_within_cells(const ActiveEffect& active, const CellGeometry& geometry) const {
+    const Eigen::VectorXd change = row_changes(rows_, geometry, {active}).range;
+    double within = 0.0, of_means = 0.0;
+    for (int c = 0; c < rows_.cell_count; ++c) {
+      const auto begin = rows_.cell_begin[static_cast<std::size_t>(c)];
+      const auto cell =
+          change.segment(begin, rows_.cell_begin[static_cast<std::size_t>(c) + 1] - begin).array();
+      within += (cell - cell.mean()).square().sum();
+      of_means +=
+          static_cast<double>(cell.size()) * (cell.mean() - change.mean()) * (cell.mean() - change.mean());
+    }
+    return within > of_means;
+  }
+
   /// True if known distances that were read repeatedly are settings enough for the parameters of means.
   bool has_settings_for(const Fit& fit) const {
     if (!rows_.pairs || rows_.context.largest_cell < 2) return true;
-    const auto of_means = std::count_if(fit.free.begin(), fit.free.end(), [](const FreeParameter& p) {
-      return p.acts == FreeParameter::Acts::mean;
+    const CellGeometry geometry = cell_geometry(rows_, fit.state);
+    std::vector<bool> within;
+    for (const ActiveEffect& active : fit.model) within.push_back(differs_within_cells(active, geometry));
+    const auto of_means = std::count_if(fit.free.begin(), fit.free.end(), [&](const FreeParameter& p) {
+      return p.acts == FreeParameter::Acts::mean && !within[static_cast<std::size_t>(p.effect)];
     });
     return cells_of_parameter * of_means <= rows_.cell_count;
   }

@@ -28,8 +28,9 @@ enum class EffectKind {
 
 /// One parameter of an effect. Its full name is `effect.name`, the name ending in the unit.
 struct EffectParameter {
-  std::string name;              ///< "amplitude_m"
-  double typical = 0.0;          ///< typical size; also the scale of the half-normal prior of the evidence
+  std::string name;  ///< "amplitude_m"
+  double typical =
+      0.0;  ///< typical size, of either sign; also the scale of its prior, Student's t with two degrees of freedom
   double low = 0.0, high = 0.0;  ///< bounds set by physics
   bool linear = true;            ///< the change is linear in it and vanishes with it: starts at 0, no grid
   bool discrete = false;  ///< chosen from the start grid, never moved (a landmark, a stop, a change point)
@@ -221,7 +222,7 @@ class Effect {
   /// True if the noise of range is Gaussian in 1/r instead of r (before the reciprocal); reading() is then not used.
   virtual bool noise_before_reciprocal() const { return false; }
   /// Distance [m] at which reading() jumps under p; NaN if it does nowhere. On which side of it a reading near it lies
-  /// is uncertain, and estimated with the rest.
+  /// is uncertain, and estimated with the rest; where it is one of the parameters, it is moved past them too.
   virtual double switching_distance(const double* p) const;
 };
 

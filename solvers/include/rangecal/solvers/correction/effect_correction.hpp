@@ -30,10 +30,11 @@ struct MeanReading;
 /// the distances are the roots of g(d) = y and the minima of log s + (y - g)^2 / (2 s^2). An effect may fold g, so that
 /// a reading has several roots where f has one, or none: all those between the turning points of g are found
 /// (solvers/src/correction/stretches.hpp). Standard deviations are s / |g'| and sqrt(s^2 + var g(d)) / |g'|,
-///   var g(d) = h^T C h,   h = (1, d, .., d^n, dr/dtheta_1, ..),
-/// C the calibration's `effects_covariance` of alpha and the effects' parameters theta. dr/dtheta is the difference over one
-/// standard deviation of theta to either side: exact where the effect is linear in it, and of either side's odds beside a
-/// jump. Without that covariance the effects count as exact (`takes_effects_as_exact`): var g = `curve_variance`.
+///   var g(d) = h^T C h,   h = (dg/dalpha_0, .., dg/dalpha_n, dg/dtheta_1, ..),
+/// C the calibration's `effects_covariance` of alpha and the effects' parameters theta; dg/dalpha_i is u^i, u the scaled distance of the
+/// curve, and what the effects that act before the curve make of it. dg/dtheta is the tangent, by a central difference; of a parameter
+/// that sets a distance at which the effect jumps, the difference over one standard deviation to either side. Without that
+/// covariance the effects count as exact (`takes_effects_as_exact`): var g = `curve_variance`.
 ///
 /// The calibration must outlive this.
 class EffectCorrector {
@@ -43,7 +44,8 @@ class EffectCorrector {
   EffectCorrector(const Calibration&&, std::vector<std::string>) = delete;  ///< would be gone
 
   /// Columns that the effects' changes of the range depend on, each with the effect that asks for it: "bearing_rad",
-  /// "heading_rad", "time_s", "radius_m", "landmark", "stop", "repeat", or a covariate's name.
+  /// "heading_rad", "time_s", "radius_m", "landmark", "stop", "repeat", or a covariate's name. Throws InputError for an effect
+  /// that counts time in durations of its recording where `Calibration::effects_range` has no time_s, whose end is the duration.
   struct Need {
     std::string column, effect;
   };
@@ -82,7 +84,7 @@ class EffectCorrector {
   };
   ReadingView<double> view(double d, const ReadingSetting& setting) const;
   ReadingChange<double> change(double d, const ReadingSetting& setting) const;
-  /// d g(d) / d alpha_i: d^i, and what the effects that come before the curve make of it.
+  /// d g(d) / d alpha_i: u^i, u the scaled distance of the curve, and what the effects that come before the curve make of it.
   Eigen::VectorXd slopes_in_alpha(double d, const ReadingSetting& setting) const;
   /// var g(d) of the class [m^2]; none where the calibration has no covariance.
   std::optional<double> mean_variance(double d, const ReadingSetting& setting) const;

@@ -184,7 +184,7 @@ struct DiagnoseOptions {
   std::function<void(const TriedSet&)> trace;  ///< every set of causes that was fitted, the likeliest first
   std::function<void(const std::string& stage, double fraction)> progress;
 
-  /// Throws InputError for what can be asked of no recording: a rate outside of (0, 1), an effect that is not known, or
+  /// Throws InputError for what can be asked of no recording: a rate outside of (0, 1), no draws, a negative gap, an effect that is not known, or
   /// cannot be left out.
   void check() const;
 };
