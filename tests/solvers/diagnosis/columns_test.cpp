@@ -98,9 +98,10 @@ TEST(DiagnosedColumns, TwoOfAKindStandSideBySide) {
   EXPECT_TRUE(json["final"]["parameters"].contains("covariate_drift:pressure_hpa.offset_m"));
 }
 
-/// `count` readings y = d + a (T - 20) + N(0, sigma), d by `distance`, T from 10 to 30 and never the same twice.
+/// `count` readings y = d + a (T - 20) + sigma d^power e, d by `distance`, T from 10 to 30 and never the same twice.
 template <typename Distance>
-Recording warmed(const std::string& name, int count, double a, double sigma, const Distance& distance) {
+Recording warmed(const std::string& name, int count, double a, double sigma, const Distance& distance,
+                 int power = 0) {
   Recording recording;
   recording.kind = RecordingKind::pairs;
   recording.path = name;
@@ -108,7 +109,7 @@ Recording warmed(const std::string& name, int count, double a, double sigma, con
   for (int i = 0; i < count; ++i) {
     const double d = distance(random), T = random.uniform(10.0, 30.0);
     recording.pairs.true_m.push_back(d);
-    recording.pairs.reading_m.push_back(d + a * (T - 20.0) + random.normal(0.0, sigma));
+    recording.pairs.reading_m.push_back(d + a * (T - 20.0) + random.normal(0.0, sigma * std::pow(d, power)));
     recording.pairs.covariates["temperature_c"].push_back(T);
     recording.pairs.row.push_back(i + 2);
   }
@@ -135,9 +136,11 @@ TEST(DiagnosedColumns, DistancesNotedToACentimetreAreNoRepeats) {
 }
 
 // It moves with the reading's error, as what was computed from the reading would; but not with the distance.
+// The law of the noise is that of what the temperature leaves of the repeats.
 TEST(DiagnosedColumns, ATemperatureThatChangesBetweenRepeatsIsACause) {
-  for (const double sigma : {0.002, 0.006}) {
-    const Diagnosis d = diagnosed(warmed("repeats " + std::to_string(sigma), 300, 0.001, sigma, one_of_five));
+  for (const auto& [sigma, power] : {std::pair(0.002, 0), {0.006, 0}, {0.0006, 2}}) {
+    const Diagnosis d =
+        diagnosed(warmed("repeats " + std::to_string(sigma), 300, 0.001, sigma, one_of_five, power));
     EXPECT_THAT(d.final_effects, ElementsAre(by_the_kelvin)) << sigma << ' ' << d.sentence;
   }
 }
