@@ -21,13 +21,13 @@ struct Repeats {
   std::vector<std::vector<double>> deviations_m;
 };
 
-Repeats repeats_of(const Rows& rows, const Model& grids) {
+/// `changes`: what effects do to ranges, from one repeat to another, and to their variance, e^v on average in a cell, is taken off.
+Repeats repeats_of(const Rows& rows, const Model& grids, const RowChanges* changes = nullptr) {
   const Cells& c = rows.problem.cells;
   Repeats repeats;
   for (std::size_t i = 0; i < c.size(); ++i) {
     if (c.count[i] < 2.0) continue;
     repeats.count.push_back(c.count[i]);
-    repeats.mean_square.push_back(c.range_mean_square[i]);
     repeats.f.push_back(std::max(c.range_mean[i], 1e-3));
     ReadingView<double> at{};
     at.f = repeats.f.back();
@@ -35,32 +35,21 @@ Repeats repeats_of(const Rows& rows, const Model& grids) {
     for (const ActiveEffect& grid : grids)
       step = std::max(step, grid.effect->grid_steps(at, grid.parameters.data()).range_m);
     repeats.step_m.push_back(step);
-    const auto begin = rows.range_m.begin() + rows.cell_begin[i],
-               end = rows.range_m.begin() + rows.cell_begin[i + 1];
-    std::vector<double> deviations(begin, end);
+    const int begin = rows.cell_begin[i], count = rows.cell_begin[i + 1] - begin;
+    Eigen::ArrayXd left = Eigen::Map<const Eigen::ArrayXd>(rows.range_m.data() + begin, count);
+    double mean_square = c.range_mean_square[i], factor = 1.0;
+    if (changes) {
+      left -= changes->range.segment(begin, count).array();
+      factor = std::exp(-changes->range_log_variance.segment(begin, count).mean());
+      mean_square = factor * (left - left.mean()).square().mean();
+    }
+    repeats.mean_square.push_back(mean_square);
+    std::vector<double> deviations(left.begin(), left.end());
     const double middle = upper_median(deviations);
-    for (double& value : deviations) value -= middle;
+    for (double& value : deviations) value = std::sqrt(factor) * (value - middle);
     repeats.deviations_m.push_back(std::move(deviations));
   }
   return repeats;
-}
-
-/// What effects do to ranges, from one repeat to another, and to their variance: e^v on average in a cell.
-void take_off(const Rows& rows, const RowChanges& changes, Repeats& repeats) {
-  std::size_t at = 0;
-  for (int c = 0; c < rows.cell_count; ++c) {
-    if (rows.problem.cells.count[static_cast<std::size_t>(c)] < 2.0) continue;
-    const int begin = rows.cell_begin[c], count = rows.cell_begin[c + 1] - begin;
-    const double factor = std::exp(-changes.range_log_variance.segment(begin, count).mean());
-    const Eigen::ArrayXd left = Eigen::Map<const Eigen::ArrayXd>(rows.range_m.data() + begin, count) -
-                                changes.range.segment(begin, count).array();
-    repeats.mean_square[at] = factor * (left - left.mean()).square().mean();
-    std::vector<double>& deviations = repeats.deviations_m[at];
-    deviations.assign(left.begin(), left.end());
-    const double middle = upper_median(deviations);
-    for (double& value : deviations) value = std::sqrt(factor) * (value - middle);
-    ++at;
-  }
 }
 
 /// NLL of the repeats' deviations from their cells' means under s = sigma f^power.
@@ -140,8 +129,9 @@ std::optional<Noise> noise_within_cells(const Rows& rows, const Model& model, co
   double total = 0.0;
   for (double count : rows.problem.cells.count) total += count - 1.0;
   if (total < 50.0) return std::nullopt;
-  Repeats repeats = repeats_of(rows, model);
-  if (state) take_off(rows, row_changes(rows, cell_geometry(rows, *state), model), repeats);
+  std::optional<RowChanges> changes;
+  if (state) changes = row_changes(rows, cell_geometry(rows, *state), model);
+  const Repeats repeats = repeats_of(rows, model, changes ? &*changes : nullptr);
   const bool alike = step_beyond_noise_of(repeats) > 0.0;  // the few steps tell a level, but no law
   const bool grid = *std::max_element(repeats.step_m.begin(), repeats.step_m.end()) > 0.0;
   std::optional<Noise> best;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <set>
 #include <string>
 #include <utility>
@@ -23,8 +24,8 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Readings x of one distance and a column y at them.
-class Repeats {
+/// Moments of readings x, of one distance say, and a column y at them.
+class ColumnMoments {
  public:
   void add(double x, double y) {
     if (count_ == 0.0) first_x_ = x, first_y_ = y;
@@ -48,23 +49,24 @@ class Repeats {
 };
 
 /// Those of every distance at which both are known, by their mean reading. `group`: a number of the distance, by row.
-std::vector<Repeats> repeats_of(const std::vector<int>& group, const std::vector<double>& reading,
-                                const std::vector<double>& column) {
-  std::map<int, Repeats> by_group;
+std::vector<ColumnMoments> moments_by_distance(const std::vector<int>& group,
+                                               const std::vector<double>& reading,
+                                               const std::vector<double>& column) {
+  std::map<int, ColumnMoments> by_group;
   for (std::size_t i = 0; i < reading.size(); ++i)
     if (std::isfinite(reading[i]) && std::isfinite(column[i])) by_group[group[i]].add(reading[i], column[i]);
-  std::vector<Repeats> repeats;
-  for (const auto& [number, one] : by_group) repeats.push_back(one);
-  std::sort(repeats.begin(), repeats.end(),
-            [](const Repeats& a, const Repeats& b) { return a.mean_x() < b.mean_x(); });
-  return repeats;
+  std::vector<ColumnMoments> distances;
+  for (const auto& [number, one] : by_group) distances.push_back(one);
+  std::sort(distances.begin(), distances.end(),
+            [](const ColumnMoments& a, const ColumnMoments& b) { return a.mean_x() < b.mean_x(); });
+  return distances;
 }
 
 /// Correlation of a column with the reading about the means of every distance; 0 where too few repeat.
-double correlation_within(const std::vector<Repeats>& repeats) {
+double correlation_within(const std::vector<ColumnMoments>& distances) {
   constexpr double fewest = 20.0;  // degrees of freedom
   double dof = 0.0, correlation = 0.0;
-  for (const Repeats& r : repeats) {
+  for (const ColumnMoments& r : distances) {
     // Each group in units of its own spreads: noise grows with distance, and so may the column's.
     if (!r.vary()) continue;
     dof += r.count() - 1.0;
@@ -74,25 +76,25 @@ double correlation_within(const std::vector<Repeats>& repeats) {
 }
 
 /// Slope of a column's means by the mean readings of a distance and its neighbours.
-double slope_between(const std::vector<Repeats>& repeats, std::size_t at) {
-  const std::size_t reach = std::max<std::size_t>(1, repeats.size() / 10);
-  Repeats means;
-  for (std::size_t i = at < reach ? 0 : at - reach; i < std::min(repeats.size(), at + reach + 1); ++i)
-    means.add(repeats[i].mean_x(), repeats[i].mean_y());
+double slope_between(const std::vector<ColumnMoments>& distances, std::size_t at) {
+  const std::size_t reach = std::max<std::size_t>(1, distances.size() / 10);
+  ColumnMoments means;
+  for (std::size_t i = at < reach ? 0 : at - reach; i < std::min(distances.size(), at + reach + 1); ++i)
+    means.add(distances[i].mean_x(), distances[i].mean_y());
   return means.scatter_xy() / means.scatter_x();
 }
 
 /// True if a column is a function of the reading. It moves with the reading's error from repeat to repeat, as a cause of that error does;
 /// but it moves as much when the reading changes with the distance, and a cause knows nothing of that.
-bool is_function_of_reading(const std::vector<Repeats>& repeats) {
+bool is_function_of_reading(const std::vector<ColumnMoments>& distances) {
   constexpr double follows = 0.7;  // rounding leaves that much
   constexpr double least = 0.5,
                    largest = 2.0;  // of the slope from repeat to repeat over that from distance to distance
-  if (repeats.size() < 2 || !(std::abs(correlation_within(repeats)) > follows)) return false;
+  if (distances.size() < 2 || !(std::abs(correlation_within(distances)) > follows)) return false;
   std::vector<double> ratios;
-  for (std::size_t i = 0; i < repeats.size(); ++i) {
-    if (!repeats[i].vary()) continue;
-    ratios.push_back(repeats[i].scatter_xy() / repeats[i].scatter_x() / slope_between(repeats, i));
+  for (std::size_t i = 0; i < distances.size(); ++i) {
+    if (!distances[i].vary()) continue;
+    ratios.push_back(distances[i].scatter_xy() / distances[i].scatter_x() / slope_between(distances, i));
   }
   std::erase_if(ratios, [](double ratio) { return std::isnan(ratio); });
   if (ratios.empty()) return false;
@@ -103,7 +105,7 @@ bool is_function_of_reading(const std::vector<Repeats>& repeats) {
 /// True if a column is the difference of reading and distance, which every cause of it would have to explain.
 bool is_error_of_reading(const Pairs& p, const std::vector<double>& column) {
   constexpr double same = 0.9995;  // correlation; a cause beside noise of a thirtieth of it
-  Repeats all;
+  ColumnMoments all;
   for (std::size_t i = 0; i < p.size(); ++i)
     if (std::isfinite(p.reading_m[i]) && std::isfinite(column[i]))
       all.add(p.reading_m[i] - p.true_m[i], column[i]);
@@ -133,7 +135,7 @@ Unused derived_covariates(const Recording& recording) {
   for (const auto& [name, values] : covariates) {
     if (pairs && is_error_of_reading(p, values))
       derived.emplace_back(name, "it is the reading's own error");
-    else if (is_function_of_reading(repeats_of(group, pairs ? p.reading_m : r.range_m, values)))
+    else if (is_function_of_reading(moments_by_distance(group, pairs ? p.reading_m : r.range_m, values)))
       derived.emplace_back(
           name,
           "it follows the reading, from repeat to repeat as from distance to distance, so that it was "
@@ -193,22 +195,34 @@ std::vector<char> copied_readings(const Recording& recording) {
   constexpr double most_alike = 0.2;
   const Pairs& p = recording.pairs;
   std::vector<char> copied(p.size());
-  std::set<std::vector<double>> rows, settings;
-  std::size_t originals = 0;
-  for (std::size_t i = 0; i < p.size(); ++i) {
-    std::vector<double> row{p.true_m[i]};
-    for (const std::vector<int>* labels : {&p.landmark, &p.batch, &recording.groups.of})
-      if (!labels->empty()) row.push_back((*labels)[i]);
-    for (const std::vector<double>* numbers : {&p.bearing_rad, &p.time_s})
-      if (!numbers->empty()) row.push_back((*numbers)[i]);
-    for (const auto& [name, values] : p.covariates)
-      row.push_back(std::isfinite(values[i]) ? values[i] : std::numeric_limits<double>::max());
-    settings.insert(row);
-    row.push_back(p.reading_m[i]);
-    copied[i] = !rows.insert(std::move(row)).second;
-    originals += !copied[i];
+  std::vector<std::vector<double>> columns{p.true_m};  // the reading last
+  for (const std::vector<int>* labels : {&p.landmark, &p.batch, &recording.groups.of})
+    if (!labels->empty()) columns.emplace_back(labels->begin(), labels->end());
+  for (const std::vector<double>* numbers : {&p.bearing_rad, &p.time_s})
+    if (!numbers->empty()) columns.push_back(*numbers);
+  for (const auto& [name, values] : p.covariates) {
+    columns.push_back(values);
+    for (double& value : columns.back())
+      if (!std::isfinite(value)) value = std::numeric_limits<double>::max();
   }
-  if (static_cast<double>(settings.size()) < (1.0 - most_alike) * static_cast<double>(originals))
+  columns.push_back(p.reading_m);
+  std::vector<std::size_t> order(p.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto first_difference = [&](std::size_t a, std::size_t b) {
+    return std::find_if(columns.begin(), columns.end(), [&](const auto& c) { return c[a] != c[b]; });
+  };
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    const auto column = first_difference(a, b);
+    return column != columns.end() && (*column)[a] < (*column)[b];
+  });
+  double originals = 0.0, settings = 0.0;  // what differs in any column; in any but the reading
+  for (std::size_t j = 0; j < order.size(); ++j) {
+    const auto column = j == 0 ? columns.begin() : first_difference(order[j - 1], order[j]);
+    copied[order[j]] = column == columns.end();
+    originals += !copied[order[j]];
+    settings += column < columns.end() - 1;
+  }
+  if (settings < (1.0 - most_alike) * originals)
     copied.assign(p.size(), 0);  // rounded readings of one setting
   return copied;
 }

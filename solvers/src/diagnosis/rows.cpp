@@ -48,12 +48,11 @@ std::vector<Setting> settings_of_pairs(const Recording& recording) {
 }
 
 /// True of known distances that were read one after another on the way, hardly any of them several times in a row.
-bool in_sequence(const Recording& recording) {
+bool in_sequence(const Recording& recording, const std::vector<Setting>& settings) {
   constexpr double most_repeats = 0.2;
   constexpr std::size_t fewest = 60;
   const Pairs& p = recording.pairs;
   if (!p.batch.empty() || p.size() < fewest || recording.reference.sigma_m > 0.0) return false;
-  const std::vector<Setting> settings = settings_of_pairs(recording);
   const std::set<Setting> distinct(settings.begin(), settings.end());
   return static_cast<double>(distinct.size()) >= (1.0 - most_repeats) * static_cast<double>(p.size());
 }
@@ -62,13 +61,13 @@ bool in_sequence(const Recording& recording) {
 /// in a sequence.
 std::vector<int> cells_of_pairs(const Recording& recording) {
   const Pairs& p = recording.pairs;
+  const std::vector<Setting> settings = settings_of_pairs(recording);
   std::map<Setting, int> known;
   std::vector<int> cell(p.size());
-  if (in_sequence(recording)) {
+  if (in_sequence(recording, settings)) {
     std::iota(cell.begin(), cell.end(), 0);
     return cell;
   }
-  const std::vector<Setting> settings = settings_of_pairs(recording);
   int count = 0;
   for (std::size_t i = 0; i < p.size(); ++i) {
     if (!p.batch.empty() && p.batch[i] < 0) {
@@ -359,7 +358,9 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
   }
   rows.context.covariates.assign(names.begin(), names.end());
   if (!rows.pairs) rows.problem = make_joint_problem(recordings);
-  const bool sequence = rows.pairs && std::all_of(recordings.begin(), recordings.end(), in_sequence);
+  const bool sequence =
+      rows.pairs && std::all_of(recordings.begin(), recordings.end(),
+                                [](const Recording& r) { return in_sequence(r, settings_of_pairs(r)); });
   const BlocksOfAll blocks = blocks_of_all(recordings);
   rows.blocks = blocks.words;
   int first_stop = 0, first_landmark = 0, index = 0;

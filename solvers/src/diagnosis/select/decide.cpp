@@ -146,8 +146,8 @@ double margin_as_it_stands(const ActiveEffect& name, const Hypotheses& table, st
 double omitted_probability(const Hypotheses& table, std::size_t known) {
   std::set<std::vector<std::string>> fitted;
   for (const auto& h : table) fitted.insert(member_names(h->fit.model, known));
-  std::map<std::vector<std::string>, double>
-      omitted;  // log posteriors: those by the likeliest set that proposes them
+  // Their log posteriors, as the likeliest set that proposes them has them.
+  std::map<std::vector<std::string>, double> omitted;
   double top = table.front()->log_posterior;
   for (const auto& h : table)
     for (const TriedSet::Proposal& p : h->proposals)

@@ -436,38 +436,34 @@ class SetSearch {
       return model;
     };
     const Names mine = names_of(here);
-    LinearSet own;
-    for (const LinearSet& set : sets)
-      if (member_names(with_others(set), known_count()) == mine) own = set;
-    std::map<Names, double> gains;
-    for (const LinearSet& set : sets) gains.emplace(member_names(with_others(set), known_count()), set.gain);
+    std::map<Names, const LinearSet*> by_names;
+    for (const LinearSet& set : sets) by_names.emplace(member_names(with_others(set), known_count()), &set);
+    const LinearSet nothing, &own = by_names.count(mine) ? *by_names.at(mine) : nothing;
     // What the linearised problem makes an exchange of one member lose, as far as that may be its own error: of an effect far beyond the noise
     // a per cent is many nats, and a twin would never be fitted.
     const auto may_be_off = [&](const Names& names, double gain) {
       Names rest;
       std::set_intersection(names.begin(), names.end(), mine.begin(), mine.end(), std::back_inserter(rest));
-      const auto without = gains.find(rest);
-      if (names.size() != mine.size() || rest.size() + 1 != mine.size() || without == gains.end()) return 0.0;
-      return std::max(0.0, std::min(own.gain - gain, linear_is_off_by * (own.gain - without->second)));
+      const auto without = by_names.find(rest);
+      if (names.size() != mine.size() || rest.size() + 1 != mine.size() || without == by_names.end())
+        return 0.0;
+      return std::max(0.0, std::min(own.gain - gain, linear_is_off_by * (own.gain - without->second->gain)));
     };
     std::vector<Wanted> wanted;
     std::map<std::size_t, double> likeliest_of_size;
     const double top = likeliest().log_posterior;
-    for (const LinearSet& as_linear : sets) {
-      LinearSet set = as_linear;
-      const double off = may_be_off(member_names(with_others(set), known_count()), set.gain);
-      set.gain += off;
-      set.log_posterior += off;
-      // Gains on the linearised problem can be believed for a few steps only: sets are compared within their size, and kept if they may
-      // reach the likeliest.
-      const double more = set.gain - own.gain, rescaled = gain_with_its_own_noise(more);
-      const double log_posterior =
-          here.log_posterior + set.log_posterior - own.log_posterior + rescaled - more;
-      const double gain = here.gain + rescaled;
-      const double best = likeliest_of_size.try_emplace(set.model.size(), set.log_posterior).first->second;
-      const bool likely = set.log_posterior > best - fitted_window && may_reach(top, log_posterior, gain);
+    for (const LinearSet& set : sets) {
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
+      const double off = may_be_off(names, set.gain), linear_posterior = set.log_posterior + off;
+      // Gains on the linearised problem can be believed for a few steps only: sets are compared within their size, and kept if they may
+      // reach the likeliest.
+      const double more = set.gain + off - own.gain, rescaled = gain_with_its_own_noise(more);
+      const double log_posterior =
+          here.log_posterior + linear_posterior - own.log_posterior + rescaled - more;
+      const double gain = here.gain + rescaled;
+      const double best = likeliest_of_size.try_emplace(set.model.size(), linear_posterior).first->second;
+      const bool likely = linear_posterior > best - fitted_window && may_reach(top, log_posterior, gain);
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
       const bool again =
           known && (names.empty() || known->gain > gain - fell_short || known->fits >= most_fits);
@@ -476,7 +472,7 @@ class SetSearch {
       const bool larger = std::includes(names.begin(), names.end(), mine.begin(), mine.end());
       const double may_add =
           has_new_optima(model, here.fit.model) ? refining_adds + refining_share * more : 0.0;
-      const bool idle = larger && set.log_posterior + may_add < own.log_posterior;
+      const bool idle = larger && linear_posterior + may_add < own.log_posterior;
       if (!likely) continue;
       here.proposals.push_back({names, gain, log_posterior, known != nullptr});
       if (idle && !again && tells_outcomes())
