@@ -2,7 +2,8 @@
 // Opens reports from disk in Chromium and checks what a user relies on: every chart drew marks, hover names the
 // reading beside the pointer, nothing is said on the console, nothing is asked of the network, no page is wider than its
 // screen; no label is cut off and every one can be read, in light, in dark and on paper.
-//   node browser.mjs CHROMIUM FOLDER REPORT.html...      screenshots go to FOLDER
+//   node browser.mjs CHROMIUM FOLDER REPORT.html...      screenshots go to FOLDER: of what failed, and of every page (with a
+//                                                        PDF of each report) if RANGECAL_SCREENSHOTS is set
 import { createRequire } from "node:module";
 import path from "node:path";
 import { pathToFileURL } from "node:url";
@@ -11,6 +12,7 @@ const [chromium, folder, ...reports] = process.argv.slice(2);
 const modules = process.env.RANGECAL_NODE_MODULES;
 const puppeteer = createRequire(pathToFileURL(path.join(modules, "package.json")))("puppeteer-core");
 
+const pictureAll = Boolean(process.env.RANGECAL_SCREENSHOTS);
 const failures = [];
 const expect = (holds, what) => { if (!holds) failures.push(what); };
 
@@ -99,6 +101,7 @@ try {
     const name = path.basename(report, ".html");
     for (const screen of onePerKind.includes(name) ? screens : [screens[0], screens[3]]) {
       const page = await browser.newPage();
+      const failedBefore = failures.length;
       page.setDefaultTimeout(0);
       const where = `${name}, ${screen.name}`;
       page.on("console", (message) => expect(false, `${where}: console says ${message.type()}: ${message.text()}`));
@@ -127,10 +130,11 @@ try {
       }
       await page.evaluate("window.scrollTo(0, 0)");
       for (const what of await page.evaluate(unreadable, leastContrast, false)) expect(false, `${where}: ${what}`);
-      await page.screenshot({ path: path.join(folder, `${name}-${screen.name}.png`), fullPage: true });
+      if (pictureAll || failures.length > failedBefore)
+        await page.screenshot({ path: path.join(folder, `${name}-${screen.name}.png`), fullPage: true });
       if (screen.name === "desktop-dark") {
         await expectPrintable(page, where);
-        await page.pdf({ path: path.join(folder, `${name}.pdf`), preferCSSPageSize: true, timeout: 0 });
+        if (pictureAll) await page.pdf({ path: path.join(folder, `${name}.pdf`), preferCSSPageSize: true, timeout: 0 });
       }
       await page.close();
     }

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Writes reports of every kind and has browser.mjs look at them. Screenshots stay in WORK/screenshots.
+# Writes reports of every kind and has browser.mjs look at them. Screenshots of pages that fail stay in WORK/screenshots, of all
+# pages if RANGECAL_SCREENSHOTS is set.
 if(MISSING)
   message(STATUS "skipped: ${MISSING}")
   return()
