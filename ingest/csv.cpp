@@ -103,6 +103,10 @@ constexpr std::array angles = {Unit{"rad", 1, 1}, Unit{"deg", std::numbers::pi, 
 constexpr std::array raw_units = {"V",     "mV", "counts", "count", "adc", "lsb",
                                   "ticks", "s",  "ms",     "us",    "ns",  "raw"};
 
+/// By how much a length is off that was noted in another unit than the others: mm, cm or inches for m, mm for inches, and the
+/// other way round. Less, as feet for m, may be an echo.
+constexpr std::array factors_of_units = {1000.0, 100.0, 39.37, 25.4, 1.0 / 25.4, 1.0 / 39.37, 0.01, 0.001};
+
 template <typename Units>
 const Unit* unit_of(const Units& units, std::string_view text) {
   const std::string small = lower(text);
@@ -1080,6 +1084,7 @@ class TableImport {
       for (const std::size_t i : used) values.push_back(columns_[column].values()[i]);
     }
     say_columns(recording, truth, reading);
+    if (recording.sensor.unit.empty()) warn_of_strange_rows(pairs, used, reading);
     return recording;
   }
 
@@ -1190,11 +1195,6 @@ class TableImport {
                           recording.landmarks.size(), fmt::join(labels, ", "));
     }
     words_ = head + words_;
-    const auto middle = [](std::vector<double> values) {
-      const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-      std::nth_element(values.begin(), half, values.end());
-      return *half;
-    };
     const double d = middle(pairs.true_m), y = middle(pairs.reading_m);
     if (!raw && (y > 8.0 * d || d > 8.0 * y))
       warnings_.push_back(fmt::format(
@@ -1204,6 +1204,50 @@ class TableImport {
     else if (d > 150.0 && truth.words.empty())
       warnings_.push_back(
           fmt::format("the middle true distance is {:.4g} m: if the table is in mm or cm, say --unit", d));
+  }
+
+  static double middle(std::vector<double> values) {
+    const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), half, values.end());
+    return *half;
+  }
+
+  /// Says which readings are the others' in another unit, and which values stand for no reading: no noise makes either. `used`: the
+  /// index of each pair's row.
+  void warn_of_strange_rows(const Pairs& pairs, const std::vector<std::size_t>& used, const Scale& unit) {
+    constexpr double far_off = 8.0, alike = 0.15;
+    std::vector<double> ratios(pairs.size());
+    for (std::size_t i = 0; i < ratios.size(); ++i) ratios[i] = pairs.reading_m[i] / pairs.true_m[i];
+    const double usual = middle(ratios),
+                 farthest = *std::max_element(pairs.true_m.begin(), pairs.true_m.end());
+    std::map<double, std::vector<int>> by_factor, by_value;
+    for (std::size_t i = 0; i < ratios.size(); ++i) {
+      const double factor = ratios[i] / usual;
+      if (factor < far_off && factor > 1.0 / far_off) continue;
+      const double* other = std::find_if(factors_of_units.begin(), factors_of_units.end(), [&](double known) {
+        return std::abs(factor / known - 1.0) < alike;
+      });
+      if (other != factors_of_units.end()) by_factor[*other].push_back(lines_[used[i]]);
+      if (pairs.reading_m[i] > far_off * usual * farthest)
+        by_value[pairs.reading_m[i]].push_back(lines_[used[i]]);
+    }
+    for (const auto& [value, rows] : by_value) {
+      constexpr double beyond_any_echo = 1e4;  // times the farthest
+      if (rows.size() < 2 && value < beyond_any_echo * usual * farthest) continue;
+      warnings_.push_back(fmt::format(
+          "{} {} {:g}, far beyond the farthest distance of {:.4g} m: if that stands for no reading, give its text to --missing",
+          row_list(rows), rows.size() == 1 ? "reads" : "read", value * unit.unit.over / unit.unit.times,
+          farthest));
+      for (auto& [factor, others] : by_factor)
+        std::erase_if(others, [&](int row) { return std::binary_search(rows.begin(), rows.end(), row); });
+    }
+    for (const auto& [factor, rows] : by_factor)
+      if (!rows.empty())
+        warnings_.push_back(fmt::format(
+            "{}: the reading is {} what others are at such a distance: is it in "
+            "another unit?",
+            row_list(rows),
+            factor > 1.0 ? fmt::format("{:g} times", factor) : fmt::format("a {:g}th of", 1.0 / factor)));
   }
 
   std::string head_words() const {

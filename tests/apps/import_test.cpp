@@ -136,6 +136,29 @@ TEST_F(ImportCsv, UnitsOfLengths) {
                  {"--true-unit: 'V' is none of m"});
 }
 
+// Someone who notes readings by hand slips from metres into millimetres or centimetres; a sensor without an echo says 65535.
+TEST_F(ImportCsv, RowsInAnotherUnitAndMarksForNoReadingAreSaid) {
+  const std::string head = "truth,sonar\n", plain = "1,1.01\n2,2.02\n3,3.03\n4,4.02\n0.5,0.52\n1.5,1.51\n";
+  EXPECT_EQ(import(head + plain + "1,1.7\n").err, "");    // an outlier is a matter of the diagnosis
+  EXPECT_EQ(import(head + plain + "0.2,3.9\n").err, "");  // and so is a late echo, twenty times as far
+  EXPECT_THAT(
+      import(head + "2,2020\n" + plain + "3,3030\n").err,
+      HasSubstr(
+          "rows 2, 9: the reading is 1000 times what others are at such a distance: is it in another unit?"));
+  EXPECT_THAT(import(head + plain + "3,0.0303\n").err,
+              HasSubstr("row 8: the reading is a 100th of what others are at such a distance"));
+  const RunResult marked = import(head + plain + "1,65535\n2,65535\n");
+  EXPECT_THAT(marked.err,
+              HasSubstr("rows 8-9 read 65535, far beyond the farthest distance of 4 m: if that stands for no "
+                        "reading, give its text to --missing"));
+  EXPECT_THAT(marked.err, Not(HasSubstr("another unit")));
+  EXPECT_THAT(import(head + plain + "1,1e20\n").err, HasSubstr("row 8 reads 1e+20, far beyond"));
+  const RunResult missing =
+      import(head + plain + "1,65535\n2,65535\n", "--true truth --reading sonar --missing 65535");
+  EXPECT_EQ(missing.err, "");
+  EXPECT_EQ(loaded().pairs.size(), 6u);
+}
+
 TEST_F(ImportCsv, ReadingsThatAreNoLengthsStayAsTheyAre) {
   std::string table = "truth cm,ir [V]\n";
   for (int i = 0; i < 40; ++i)
