@@ -47,8 +47,9 @@ std::string scene_file(const PlanRequest& request, const PlanDesign& d) {
   const Scene& s = request.sketch;
   std::string text = "format: rangecal-scene/1\nsensor:\n  alpha: [";
   for (Eigen::Index i = 0; i < s.alpha.size(); ++i) text += fmt::format("{}{}", i ? ", " : "", s.alpha[i]);
-  text += fmt::format("]\n  noise: {{law: {}, sigma: {}}}\n  sigma_theta_rad: {}\n", to_string(s.noise.law),
-                      s.noise.parameters[0], s.sigma_theta_rad);
+  text +=
+      fmt::format("]\n  noise: {{law: {}, sigma: {}}}\n  sigma_theta_rad: {}\n", to_string(s.noise.law),
+                  s.noise.parameters[0], s.reads_bearings ? fmt::format("{}", s.sigma_theta_rad) : "none");
   if (!s.sensor.name.empty()) text += fmt::format("  name: {}\n", quoted(s.sensor.name));
   if (!s.sensor.principle.empty()) text += fmt::format("  principle: {}\n", quoted(s.sensor.principle));
   if (s.sensor.range_min_m > 0.0) text += fmt::format("  range_min_m: {}\n", s.sensor.range_min_m);

@@ -40,20 +40,26 @@ Rows expected_rows(const PlanRequest& request, const PlanDesign& design, bool ev
         r.repeat.push_back(repeat);
         r.time_s.push_back(time_s + repeat * request.costs.scan_s);
         r.range_m.push_back(y);
-        r.bearing_rad.push_back(wrap_angle(std::atan2(v.y(), v.x()) - pose.heading_rad));
+        if (sketch.reads_bearings)
+          r.bearing_rad.push_back(wrap_angle(std::atan2(v.y(), v.x()) - pose.heading_rad));
         r.row.push_back(0);
       }
     }
   }
   Rows rows = diagnosis::make_rows({&recording, 1});
-  if (!every_repeat)
-    for (std::vector<double>* weights :
-         {&rows.problem.cells.count, &rows.problem.cells.range_weight, &rows.problem.cells.bearing_weight})
-      for (double& weight : *weights) weight = design.repeats;
+  if (!every_repeat) {
+    Cells& cells = rows.problem.cells;
+    const auto stand_for_repeats = [&](std::vector<double>& weights) {
+      std::fill(weights.begin(), weights.end(), static_cast<double>(design.repeats));
+    };
+    stand_for_repeats(cells.count);
+    stand_for_repeats(cells.range_weight);
+    if (sketch.reads_bearings) stand_for_repeats(cells.bearing_weight);
+  }
   state = {};
   state.alpha = sketch.alpha;
   state.noise = sketch.noise;
-  state.sigma_theta_rad = sketch.sigma_theta_rad;
+  state.sigma_theta_rad = sketch.reads_bearings ? sketch.sigma_theta_rad : SilentBearing::sigma_theta_rad;
   for (const Stop& stop : design.stops) state.stops.push_back(stop.commanded);
   state.landmarks = design.landmarks;
   return rows;
@@ -65,6 +71,9 @@ std::vector<Nuisance> nuisances_of(const PlanRequest& request, const Rows& rows)
     const Effect* effect = find_effect(id);
     if (!effect)
       throw InputError("plan: '" + id + "' is no effect of the catalogue; 'rangecal effects' lists them");
+    if (effect->info().channel == "bearing" && !request.sketch.reads_bearings)
+      throw InputError("plan: the effect '" + id +
+                       "' changes bearings, which the sketch's sensor does not read");
     const std::vector<Eigen::VectorXd> grid = effect->start_grid(rows.context);
     if (grid.empty())
       throw InputError("plan: the effect '" + id + "' needs columns that a plan does not have");

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "diagnosis/twins.hpp"
 #include "plan/information.hpp"
@@ -106,8 +107,12 @@ class Planner {
     consider_sizes(first, line, accurate_line);
     plan.line = line;
     if (!line && accurate_line) plan.line_std_dev_m = accurate_line->std_dev_m;
-    std::optional<PlanDesign> best = line, accurate = accurate_line;
-    for (const char* path : {"line", "diagonal", "two legs", "loop"})
+    // Ranges alone leave landmarks at either side of a straight path, and those near it anywhere: the bound there promises too much.
+    const bool straight = request_.sketch.reads_bearings;
+    std::optional<PlanDesign> best, accurate;
+    if (straight) best = line, accurate = accurate_line;
+    for (const char* path :
+         straight ? std::vector{"line", "diagonal", "two legs", "loop"} : std::vector{"two legs", "loop"})
       for (const int headings : {1, 2, 4})
         for (int landmarks = 3; landmarks <= request_.most_landmarks; ++landmarks)
           for (const int places : {5, 12}) {  // what is best for few places need not be for many
@@ -226,7 +231,8 @@ void PlanRequest::check() const {
   if (sketch.kind != RecordingKind::landmarks)
     refuse("the sketch is of kind pairs: there is nothing to plan but how many readings");
   if (!has_sigma(sketch.noise.law)) refuse("the sketch's noise is polynomial; give a power law");
-  if (!(sketch.sigma_theta_rad > 0.0)) refuse("the sketch's sigma_theta_rad is not positive");
+  if (sketch.reads_bearings && !(sketch.sigma_theta_rad > 0.0))
+    refuse("the sketch's sigma_theta_rad is not positive; of a sensor that reads no bearings it is 'none'");
   if (!(accuracy_m > 0.0) || !std::isfinite(accuracy_m))
     refuse(fmt::format("accuracy_m = {} is not a positive length", accuracy_m));
   if (!(low_m > 0.0 && high_m > low_m && std::isfinite(high_m)))
