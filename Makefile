@@ -30,27 +30,31 @@ package: build
 	cpack --config $(BUILD)/CPackConfig.cmake -B build/packages
 
 # Measurements, not tests: minutes each. The tables in docs/ come from these.
+.PHONY: benchmarks
+benchmarks: build
+	cmake --build $(BUILD) -j $(JOBS) --target benchmarks
+
 .PHONY: bench-accuracy bench-speed bench-peers bench-study studies prove
-bench-accuracy: build
+bench-accuracy: benchmarks
 	$(BUILD)/benchmarks/joint_accuracy 1000 200 notebooks_data/scenes
 
-bench-speed: build
+bench-speed: benchmarks
 	$(BUILD)/benchmarks/joint_speed
 	$(BUILD)/benchmarks/pairs_speed
 
 # Against SciPy, R, Octave, NLopt and plain Ceres on the same data, about 8 minutes.
-bench-peers: build
+bench-peers: benchmarks
 	@.ci/install benchmarks/peers/packages
 	python3 benchmarks/peers/run.py $(BUILD)/benchmarks/peers_compiled
 
 # What outliers do to calibrate as it is by default, about ten minutes: docs/robust.md.
 .PHONY: bench-robust
-bench-robust: build
+bench-robust: benchmarks
 	$(BUILD)/benchmarks/robust_study 50 notebooks_data/scenes/field-layout.yaml
 
 # What outliers do to streams, a minute or two: docs/track.md.
 .PHONY: bench-streams
-bench-streams: build
+bench-streams: benchmarks
 	$(BUILD)/benchmarks/stream_study 20
 
 # The time of a study point: 1000 repeats of the 2021 setting, all four methods; then milliseconds per repeat of each.
@@ -76,11 +80,11 @@ fuzz: build
 	tests/fuzz/run.sh $(BUILD) $(SECONDS) $(JOBS)
 
 # Input of hostile size: lines of 2 GB, 10^8 rows, nested and aliased YAML. Some ten minutes and 6 GB of disk.
-hostile: build
+hostile: benchmarks
 	benchmarks/hostile.py $(BUILD)
 
 # One process at work for SECONDS (an hour: make soak SECONDS=3600), which may hold no more memory at the end.
-soak: build
+soak: benchmarks
 	$(BUILD)/benchmarks/soak $(SECONDS) notebooks_data
 
 # All tests under AddressSanitizer and UBSan: an error ends its test. Optimised a little, for -O0 takes hours.
@@ -155,18 +159,22 @@ picture: build
 	$(BUILD)/apps/rangecal diagnose build/several --report build/several.html
 	node docs/make_picture.mjs build/several.html $(BUILD)/report/web/node_modules report/page/page.css 1 2 > docs/images/diagnosis.svg
 
-# Before a release: no printed table may be older than the sources that it depends on.
-release-check:
+# Before a release: what measures compiles, and no printed table may be older than the sources that it depends on.
+release-check: benchmarks
 	python3 benchmarks/stale.py --check
 
-# docs/reliability.md: ten thousand hard problems (a run that was stopped goes on), ten thousand worlds of the intervals, and
-# the diagnosis's p-values on clean worlds.
-.PHONY: hard-problems coverage-study p-value-study
-hard-problems: build
+# docs/reliability.md: ten thousand hard problems (a run that was stopped goes on), ten thousand worlds of the intervals, the ranks
+# of a thousand truths in what is reported of them in each of 27 settings, and the diagnosis's p-values on clean worlds.
+.PHONY: hard-problems coverage-study rank-study p-value-study
+hard-problems: benchmarks
 	$(BUILD)/benchmarks/hard_problems 10000 build/hard-problems.csv
 
-coverage-study: build
+coverage-study: benchmarks
 	$(BUILD)/benchmarks/coverage_study 10000
 
-p-value-study: build
+rank-study: benchmarks
+	$(BUILD)/benchmarks/rank_study 1000 notebooks_data/scenes build/ranks.csv
+	python3 benchmarks/rank_figure.py build/ranks.csv docs/images/ranks.png calibrate correct
+
+p-value-study: benchmarks
 	$(BUILD)/benchmarks/p_value_study 200

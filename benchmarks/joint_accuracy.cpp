@@ -10,11 +10,7 @@
 // worse likelihood than the seed, milliseconds per solve. 1.012(14) is 1.012 with a Monte-Carlo standard
 // error of 0.014. At the end the requirements on `marginal` are counted.
 //
-// A setting's name gives the noise s(d), sigma_theta and sigma_s. The random scenes place five landmarks
-// about the path of 2021-setting.yaml; scene i has noise and sigmas of row i of the eight combinations.
-// Candidates are drawn from seed_from("joint_accuracy scene", {c}), c = 0, 1, ...; the first ten whose
-// linearisation error is below 10 % are kept. That error is the largest relative difference, over 0.5 ... 5
-// m, between the curve's standard deviation by the bound at the commanded stops and by the hybrid bound.
+// The settings are those of accuracy_settings.hpp; a name gives the noise s(d), sigma_theta and sigma_s.
 #include <fmt/core.h>
 #include <tbb/parallel_for.h>
 
@@ -22,13 +18,11 @@
 #include <cmath>
 #include <cstdlib>
 #include <functional>
-#include <limits>
-#include <numbers>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "accuracy_figures.hpp"
+#include "accuracy_settings.hpp"
 #include "joint_estimators.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
@@ -41,12 +35,6 @@ namespace {
 using namespace rangecal;
 using namespace rangecal::benchmark;
 
-struct Setting {
-  std::string name;
-  Scene scene;
-  int repeats;
-};
-
 struct Trial {
   Estimated found;
   Eigen::VectorXd phi, z;  ///< z is empty where there is no covariance
@@ -58,39 +46,8 @@ struct Estimator {
   std::function<Estimated(const JointProblem&, NoiseLaw)> solve;
 };
 
-const std::vector<double> curve_points = {0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0};
-
-Scene with_sigmas(Scene scene, double sigma_theta_deg, double sigma_s) {
-  scene.sigma_theta_rad = sigma_theta_deg * std::numbers::pi / 180.0;
-  scene.sigma_xy_m = sigma_s;
-  return scene;
-}
-
-/// Five landmarks about the path: at least 0.5 m from its line, 0.4 m from each other.
-Scene with_random_landmarks(Scene scene, std::uint64_t candidate) {
-  Random random(seed_from("joint_accuracy scene", {candidate}));
-  for (std::size_t l = 0; l < scene.positions.size();) {
-    const Eigen::Vector2d at(random.uniform(-0.5, 4.3), random.uniform(-3.0, 3.0));
-    bool good = std::abs(at.y()) >= 0.5;
-    for (std::size_t other = 0; other < l; ++other)
-      good = good && (at - scene.positions[other]).norm() >= 0.4;
-    if (good) scene.positions[l++] = at;
-  }
-  return scene;
-}
-
-double linearisation_error(const Scene& scene) {
-  const SceneTruth truth = scene_truth(scene, 1);
-  const auto fixed = cramer_rao_bound(truth.problem, truth.state);
-  const auto hybrid = hybrid_cramer_rao_bound(truth.problem, truth.state, 400, 1);
-  if (!fixed || !hybrid) return std::numeric_limits<double>::infinity();
-  const Eigen::MatrixXd rows = curve_rows(curve_points, order + 1);
-  const Eigen::ArrayXd ratio =
-      (variance_along(rows, *fixed).array() / variance_along(rows, *hybrid).array()).sqrt();
-  return (ratio - 1.0).abs().maxCoeff();
-}
-
-void run(const Setting& setting, const std::vector<Estimator>& estimators, Requirements& requirements) {
+void run(const AccuracySetting& setting, int repeats, const std::vector<Estimator>& estimators,
+         Requirements& requirements) {
   const Scene& scene = setting.scene;
   const int coefficients = order + 1, landmarks = static_cast<int>(scene.positions.size()),
             phi_count = coefficients + 2 * landmarks;
@@ -100,7 +57,7 @@ void run(const Setting& setting, const std::vector<Estimator>& estimators, Requi
 
   const SceneTruth at = scene_truth(scene, seed_from(setting.name, {0}));
   const auto bound = hybrid_cramer_rao_bound(at.problem, at.state, 400, 1);
-  fmt::print("{}, {} repeats\n", setting.name, setting.repeats);
+  fmt::print("{}, {} repeats\n", setting.name, repeats);
   if (!bound) {
     fmt::print("  no bound: singular information\n");
     return;
@@ -111,8 +68,8 @@ void run(const Setting& setting, const std::vector<Estimator>& estimators, Requi
   const Eigen::VectorXd three_bound = variance_along(three, phi_bound).cwiseSqrt();
 
   for (const Estimator& estimator : estimators) {
-    std::vector<Trial> trials(setting.repeats);
-    tbb::parallel_for(0, setting.repeats, [&](int r) {
+    std::vector<Trial> trials(repeats);
+    tbb::parallel_for(0, repeats, [&](int r) {
       const Recording recording = simulate(scene, seed_from(setting.name, {static_cast<std::uint64_t>(r)}));
       const JointProblem problem = make_joint_problem({&recording, 1});
       Trial& trial = trials[r];
@@ -143,7 +100,7 @@ void run(const Setting& setting, const std::vector<Estimator>& estimators, Requi
       if (trial.z.size() > 0) z_mean += trial.z, z_count += 1.0;
     z_mean /= std::max(z_count, 1.0);
     for (const Trial& trial : trials) {
-      milliseconds += trial.milliseconds / setting.repeats;
+      milliseconds += trial.milliseconds / repeats;
       failures += !trial.found.ok;
       worse += trial.found.worse_than_seed;
       if (!trial.found.ok) continue;
@@ -171,7 +128,7 @@ void run(const Setting& setting, const std::vector<Estimator>& estimators, Requi
         milliseconds);
     std::fflush(stdout);
     if (std::string(estimator.name) != "marginal") continue;
-    requirements.repeats += setting.repeats;
+    requirements.repeats += repeats;
     requirements.failures += failures;
     requirements.worse += worse;
     requirements.landmarks.ask(setting.name, rmse_landmarks);
@@ -183,22 +140,6 @@ void run(const Setting& setting, const std::vector<Estimator>& estimators, Requi
     requirements.z_landmarks.ask(setting.name, of_landmarks);
   }
 }
-
-/// Noise and sigmas of the eight combinations of the 2021 setting.
-struct Combination {
-  NoiseLaw law;
-  double sigma_theta_deg, sigma_s_m;
-
-  Scene apply(Scene scene) const {
-    scene.noise.law = law;
-    scene.noise.parameters = Eigen::VectorXd::Constant(1, law == NoiseLaw::f ? 0.05 : 0.01);
-    return with_sigmas(std::move(scene), sigma_theta_deg, sigma_s_m);
-  }
-  std::string name() const {
-    return fmt::format("{}, {:.1f} deg, {:.0f} cm", law == NoiseLaw::f ? "0.05 f" : "0.01 f^2",
-                       sigma_theta_deg, 100 * sigma_s_m);
-  }
-};
 
 }  // namespace
 
@@ -213,27 +154,8 @@ int main(int argc, char** argv) {
              "sigma / true", "variance of z", "no/", "");
   fmt::print(" {:<11} {:>9} {:>9}  {:>5} {:>5} {:>5}  {:>9} {:>9}  {:>9} {:>9}  {:>6} {:>6}\n", "method",
              "landmarks", "curve", "0.5 m", "2 m", "5 m", "theta", "e", "curve", "landmarks", "worse", "ms");
-  const Scene setting = load_scene(folder + "/2021-setting.yaml");
-  std::vector<Combination> combinations;
-  for (const NoiseLaw law : {NoiseLaw::f, NoiseLaw::f_squared})
-    for (double sigma_theta_deg : {0.5, 2.0})
-      for (double sigma_s_m : {0.01, 0.05}) combinations.push_back({law, sigma_theta_deg, sigma_s_m});
-  for (int stops : {20, 200})
-    for (const Combination& c : combinations)
-      run({fmt::format("K = {}, {}", stops, c.name()), c.apply(with_stops(setting, stops)),
-           stops == 20 ? repeats : long_repeats},
-          estimators, requirements);
-  run({"field layout", load_scene(folder + "/field-layout.yaml"), repeats}, estimators, requirements);
-  std::uint64_t candidate = 0;
-  for (int kept = 0; kept < 10 && candidate < 1000; ++candidate) {
-    const Combination& c = combinations[kept % combinations.size()];
-    const Scene scene = c.apply(with_random_landmarks(setting, candidate));
-    const double error = linearisation_error(scene);
-    if (!(error < 0.1)) continue;
-    run({fmt::format("scene {} (seed {}, linearised {:.1f} %), {}", ++kept, candidate, 100 * error, c.name()),
-         scene, repeats},
-        estimators, requirements);
-  }
+  for (const AccuracySetting& setting : accuracy_settings(folder))
+    run(setting, setting.scene.stops.size() > 20 ? long_repeats : repeats, estimators, requirements);
   requirements.print();
   return 0;
 }

@@ -214,11 +214,14 @@ double steepest_of(const OscillatingPlace& place) {
   return steepest;
 }
 
-/// The likelier of the optima downhill from where it is and from a start; 0 where that gains next to nothing.
-Eigen::Vector2d nearest_optimum(OscillatingPlace& place, const Eigen::Vector2d& start) {
+/// The likelier of the optima downhill from where it is and from a start; 0 where that gains next to nothing. A start thousands of
+/// periods away is that of a fit that ran off, and is not looked at: a table that reached there would fill the memory.
+Eigen::Vector2d nearest_optimum(OscillatingPlace& place, Eigen::Vector2d start) {
   constexpr double next_to_nothing = 0.01;  // nats
+  constexpr double farthest_phase = 1e4;    // of a start [rad]
   const double steepest = steepest_of(place);
   if (!(steepest > 0.0)) return Eigen::Vector2d::Zero();
+  if (!(start.norm() * steepest < farthest_phase)) start.setZero();
   const double step = 0.5 * grid_phase / steepest;
   for (OscillatingCell& cell : place.cells) cell.tabulate(start.norm() + 6.0 * step);
   Eigen::Vector2d home = Eigen::Vector2d::Zero(), other = start;
