@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "diagnosis/refit.hpp"
@@ -143,6 +144,15 @@ TEST(StopModes, PlacesFollowWhereStraightLinesMissThem) {
     if (k != 3) {  // nothing missed the others
       EXPECT_EQ(state.stops[k].x_m, before.stops[k].x_m) << k;
     }
+
+  // A fit that ran off had it a thousand kilometres away, or nowhere: a table as far as that took all memory.
+  for (const double off : {1e6, std::numeric_limits<double>::quiet_NaN()}) {
+    JointState far = before;
+    far.stops[3].x_m += off;
+    state = moved;
+    follow_oscillation(rows, oscillating(), from, far, there, nullptr, state);
+    EXPECT_NEAR(state.stops[3].x_m, moved.stops[3].x_m, 0.01);
+  }
 }
 
 }  // namespace
