@@ -215,6 +215,7 @@ Names names_of(const std::vector<std::vector<std::string>>& sets, const std::vec
 std::string probabilities_of(const Diagnosis& diagnosis,
                              const std::function<bool(const std::string&)>& is_cause) {
   const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
+  if (sets.empty()) return "";  // no mismatch
   std::string out;
   for (const Member& member : diagnosis.members) {
     if (!find_effect(id_without_column(member.effect))) continue;  // a curve

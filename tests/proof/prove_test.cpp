@@ -182,6 +182,8 @@ TEST(Score, ANameHasTheProbabilityOfItsClass) {
   d = explained({"heading_drift"});
   d.members = {{"heading_drift", 0.6, {}, {}}};
   EXPECT_EQ(score(c, d).probabilities, "heading_drift 0.6000 1") << "an exact twin";
+  d.verdict = Verdict::no_mismatch;  // which names nothing, whatever it holds
+  EXPECT_EQ(score(c, d).probabilities, "");
 }
 
 TEST(Score, OfAFormulaThatIsOffMayLeaveARest) {
