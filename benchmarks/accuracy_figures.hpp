@@ -39,6 +39,12 @@ inline std::string text(const Mean& mean) {
                            : fmt::format("{:.2f}({})", mean.value, (thousandths + 5) / 10);
 }
 
+/// The name of a setting without what stands in parentheses.
+inline std::string short_name(const std::string& setting) {
+  const std::size_t open = setting.find(" ("), close = setting.find(')');
+  return open == std::string::npos ? setting : setting.substr(0, open) + setting.substr(close + 1);
+}
+
 /// How often a requirement held: as a figure, and not contradicted by it at two standard errors.
 struct Requirement {
   const char* name;
@@ -54,9 +60,7 @@ struct Requirement {
     within_chance += excess <= 2.0 * mean.error;
     if (!worst.empty() && excess <= worst_excess) return;
     worst_excess = excess;
-    const std::size_t open = setting.find(" ("), close = setting.find(')');
-    worst = text(mean) + ": " +
-            (open == std::string::npos ? setting : setting.substr(0, open) + setting.substr(close + 1));
+    worst = text(mean) + ": " + short_name(setting);
   }
 };
 

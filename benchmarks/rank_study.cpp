@@ -27,6 +27,7 @@
 #include <string>
 #include <vector>
 
+#include "accuracy_figures.hpp"
 #include "accuracy_settings.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
@@ -223,8 +224,7 @@ struct Summary {
     in_95 += share_within(ranks, 0.95);
     if (p >= least_p) return;
     least_p = p;
-    const std::size_t open = setting.find(" ("), close = setting.find(')');
-    farthest = open == std::string::npos ? setting : setting.substr(0, open) + setting.substr(close + 1);
+    farthest = short_name(setting);
   }
 };
 
@@ -244,6 +244,10 @@ int main(int argc, char** argv) {
   const int worlds = argc > 1 ? std::atoi(argv[1]) : 1000;
   const std::string folder = argc > 2 ? argv[2] : "notebooks_data/scenes";
   std::FILE* csv = argc > 3 ? std::fopen(argv[3], "w") : nullptr;
+  if (argc > 3 && !csv) {
+    fmt::print(stderr, "rank_study: cannot write {}\n", argv[3]);
+    return 2;
+  }
   if (csv) fmt::print(csv, "setting,parameter,worlds,level,difference\n");
   std::map<std::string, Summary> summaries;
   for (const AccuracySetting& setting : accuracy_settings(folder)) {

@@ -33,6 +33,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/utf8.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::ingest {
 namespace {
@@ -1195,7 +1196,7 @@ class TableImport {
                           recording.landmarks.size(), fmt::join(labels, ", "));
     }
     words_ = head + words_;
-    const double d = middle(pairs.true_m), y = middle(pairs.reading_m);
+    const double d = upper_median(pairs.true_m), y = upper_median(pairs.reading_m);
     if (!raw && (y > 8.0 * d || d > 8.0 * y))
       warnings_.push_back(fmt::format(
           "the middle reading is {:.4g} m and the middle true distance {:.4g} m: is one of them in another "
@@ -1206,19 +1207,13 @@ class TableImport {
           fmt::format("the middle true distance is {:.4g} m: if the table is in mm or cm, say --unit", d));
   }
 
-  static double middle(std::vector<double> values) {
-    const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), half, values.end());
-    return *half;
-  }
-
   /// Says which readings are the others' in another unit, and which values stand for no reading: no noise makes either. `used`: the
   /// index of each pair's row.
   void warn_of_strange_rows(const Pairs& pairs, const std::vector<std::size_t>& used, const Scale& unit) {
     constexpr double far_off = 8.0, alike = 0.15;
     std::vector<double> ratios(pairs.size());
     for (std::size_t i = 0; i < ratios.size(); ++i) ratios[i] = pairs.reading_m[i] / pairs.true_m[i];
-    const double usual = middle(ratios),
+    const double usual = upper_median(ratios),
                  farthest = *std::max_element(pairs.true_m.begin(), pairs.true_m.end());
     std::map<double, std::vector<int>> by_factor, by_value;
     for (std::size_t i = 0; i < ratios.size(); ++i) {
