@@ -2,11 +2,15 @@
 // M2. Unequal wheels: the robot turns by kappa per metre driven while it means to go straight.
 //
 //   heading  phi_k = phi_k,commanded + kappa l_k     [rad]
-//   position  s_k = s_(k-1) + Rot(kappa (l_(k-1) + l_k) / 2) (c_k - c_(k-1))     [m]
-//     l_k path length driven [m]; c_k commanded positions
+//   position  p_k = p_(k-1) + Rot(kappa (l_(k-1) + l_k) / 2) (c_k - c_(k-1))     [m]
+//             s_k = p_k + (Rot(phi_k) - Rot(phi_0)) (0, -kappa w^2 / 4)     [m]
+//     l_k path length driven [m]; c_k commanded positions; w track, the distance of the wheels [m]
+//
+// Turning on the spot the wheels run equally far, to either side: unequal ones turn the robot about the point kappa w^2 / 4 to its left, so
+// that turns move it as a lever would. A recording whose headings are all the same says nothing of w.
 //
 // A gyro that creeps evenly does the same to a robot that drives evenly. The chord of an arc has its mean direction; a lateral
-// shift of kappa l^2 / 2 on a straight line. kappa = (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track.
+// shift of kappa l^2 / 2 on a straight line. kappa = (E_d - 1) / w [1/m], E_d ratio of the wheels' diameters.
 // Source: derived: wheels of unequal diameter; UMBmark (Borenstein and Feng).
 #include <cmath>
 
@@ -28,18 +32,33 @@ class PathCurvature final : public Effect {
         .physics =
             "The straight path is an arc: one wheel is larger than the other, or the gyro that holds the course creeps.",
         .formula =
-            "phi_k += kappa l_k [rad], steps turned by kappa (l_(k-1) + l_k) / 2; kappa = (E_d - 1) / w_b "
-            "[1/m], l path length [m]",
+            "phi_k += kappa l_k [rad], steps turned by kappa (l_(k-1) + l_k) / 2, turns about (0, kappa w^2 / 4); "
+            "kappa = (E_d - 1) / w [1/m], l path length [m], w track [m]",
         .source = "derived: wheels of unequal diameter; UMBmark (Borenstein and Feng)",
         .visible_by = "several stops along a path",
         .settled_by =
             "drive the same path forwards and backwards; at half the speed a gyro that creeps bends it twice as much, "
             "wheels as before",
-        .parameters = {{.name = "curvature_per_m", .typical = 0.02, .low = -3.0, .high = 3.0}}};
+        .parameters = {{.name = "curvature_per_m", .typical = 0.02, .low = -3.0, .high = 3.0},
+                       {.name = "track_m", .typical = 0.35, .low = 0.0, .high = 1.0, .linear = false}}};
     return value;
   }
 
   std::string missing(const EffectContext& context) const override { return lacks_stops(context, 3); }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
+    return grid_of({{0.0}, {turns(context) ? info().parameters[1].typical : 0.0}});
+  }
+
+  std::pair<double, double> bounds(const EffectContext& context, std::size_t parameter) const override {
+    return parameter == 1 && !turns(context) ? std::pair(0.0, 0.0) : Effect::bounds(context, parameter);
+  }
+
+  std::vector<std::pair<std::string, double>> reported(const EffectContext& context,
+                                                       const double* p) const override {
+    if (turns(context)) return Effect::reported(context, p);
+    return {{info().parameters[0].name, p[0]}};
+  }
 
   bool acts_on_stops() const override { return true; }
 
@@ -52,6 +71,22 @@ class PathCurvature final : public Effect {
       path_m.push_back(context.path_m[k] - start_m);
     }
     turn_path(p[0], path_m, stops);
+    const double back_m = p[0] * p[1] * p[1] / 4.0;
+    double sine = 0.0, cosine = 1.0;  // of the first heading of its recording
+    for (std::size_t k = 0; k < stops.size(); ++k) {
+      Pose2& pose = stops[k].commanded;
+      if (k == 0 || stops[k].recording != stops[k - 1].recording)
+        sine = std::sin(pose.heading_rad), cosine = std::cos(pose.heading_rad);
+      pose.x_m += back_m * (std::sin(pose.heading_rad) - sine);
+      pose.y_m -= back_m * (std::cos(pose.heading_rad) - cosine);
+    }
+  }
+
+ private:
+  /// False where the headings say nothing of the track.
+  static bool turns(const EffectContext& context) {
+    constexpr double next_to_none = 0.1;  // rad
+    return context.headings > next_to_none;
   }
 };
 

@@ -53,7 +53,7 @@ TEST(EffectStops, OdometryScaleStartsAnewInEachRecording) {
 TEST(EffectStops, PathCurvatureTurnsStepsByTheirMeanHeading) {
   // steps of 1 m turned by kappa times 0.5, 1.5, (none), 2.5, 3.5 m
   const double k = 0.02;
-  const auto stops = changed("path_curvature", {k});
+  const auto stops = changed("path_curvature", {k, 0.0});
   expect_pose(stops[1], std::cos(0.5 * k), std::sin(0.5 * k), k);
   const double x2 = std::cos(0.5 * k) + std::cos(1.5 * k), y2 = std::sin(0.5 * k) + std::sin(1.5 * k);
   expect_pose(stops[2], x2, y2, 2 * k);
@@ -63,7 +63,21 @@ TEST(EffectStops, PathCurvatureTurnsStepsByTheirMeanHeading) {
 
 TEST(EffectStops, PathCurvatureBendsALineByHalfKappaLengthSquared) {
   // 1/2 * 0.02 * 2^2 = 0.04, to third order in kappa l
-  EXPECT_NEAR(changed("path_curvature", {0.02})[2].commanded.y_m, 0.04, 2e-5);
+  EXPECT_NEAR(changed("path_curvature", {0.02, 0.0})[2].commanded.y_m, 0.04, 2e-5);
+}
+
+TEST(EffectStops, UnequalWheelsTurnAboutAPointToTheLeft) {
+  // kappa w^2 / 4 = 0.02 * 0.16 / 4 = 0.0008 m to the left: a quarter turn to the left moves the robot by as much forwards and to the
+  // left, in its heading before the turn, which is 2 kappa.
+  const auto about_itself = changed("path_curvature", {0.02, 0.0}),
+             about_a_point = changed("path_curvature", {0.02, 0.4});
+  const double c = std::cos(0.04), s = std::sin(0.04), offset = 0.0008;
+  const Pose2 &before = about_a_point[2].commanded, &after = about_a_point[3].commanded;
+  EXPECT_NEAR(after.x_m - before.x_m, offset * (c - s), 1e-12);
+  EXPECT_NEAR(after.y_m - before.y_m, offset * (s + c), 1e-12);
+  expect_pose(about_a_point[0], 0.0, 0.0, 0.0);
+  for (std::size_t k = 0; k < about_itself.size(); ++k)
+    EXPECT_EQ(about_a_point[k].commanded.heading_rad, about_itself[k].commanded.heading_rad);
 }
 
 TEST(EffectStops, TurnScaleTurnsWhatFollowsATurn) {

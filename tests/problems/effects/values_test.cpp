@@ -107,7 +107,7 @@ std::vector<Case> cases() {
       {"autocorrelated_noise", {0.6, 0.3, 1.0}, {}},
       {"bearing_quantisation", {0.0175}, {}},
       {"odometry_scale", {0.01}, {}},
-      {"path_curvature", {0.02}, {}},
+      {"path_curvature", {0.02, 0.35}, {}},
       {"heading_drift", {0.02}, {}},
       {"odometry_random_walk", {0.01}, {}},
       {"lever_arm", {0.02, 0.01}, {}},

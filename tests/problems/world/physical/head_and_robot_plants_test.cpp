@@ -133,6 +133,14 @@ TEST(RobotPlants, PathScaleCurvatureAndDrift) {
     EXPECT_NEAR(curve.after.stops[k].heading_rad, 0.02 * path, 1e-6);
     EXPECT_NEAR(curve.after.stops[k].y_m, 0.01 * path * path, 1e-4);
   }
+  // Turning on the spot, the robot goes about the point kappa w^2 / 4 to its left.
+  const Change turns = change_of(turning(), "path_curvature", 0.02);
+  const Pose2 &first = turns.after.stops[0], &second = turns.after.stops[1];
+  const double offset = 0.02 * 0.4 * 0.4 / 4.0;
+  EXPECT_NEAR(second.x_m - first.x_m, offset * (std::sin(second.heading_rad) - std::sin(first.heading_rad)),
+              1e-6);
+  EXPECT_NEAR(second.y_m - first.y_m, offset * (std::cos(first.heading_rad) - std::cos(second.heading_rad)),
+              1e-6);
   const Change drift = change_of(line(), "heading_drift", 0.01745);
   EXPECT_LT(misfit(drift.bearing_rad,
                    [&](std::size_t i) { return -0.01745 * drift.time_s[i] / run_length_s(line()); }),
