@@ -30,7 +30,7 @@ namespace {
 constexpr std::size_t most_of_a_kind = 4;  ///< names of spreads, of tails, of dependence tried beside a set
 /// Rounds of the search, and how many of the likeliest sets, the likeliest included, are scanned; fewer where there are many cells, whose
 /// fits are slow.
-constexpr int most_rounds = 12, most_rounds_of_many = 6;
+constexpr int most_rounds = 16, most_rounds_of_many = 6;
 constexpr std::size_t most_close = 4, most_close_of_many = 1;
 constexpr int many_cells = 500;
 /// How far below the likeliest these are [nats].
@@ -155,16 +155,17 @@ class SetSearch {
     double expected() const { return log_posterior - shortfall; }
   };
 
-  /// True if a set of that predicted posterior and gain may be as likely as one of log posterior `top`.
+  /// True if a set of that predicted posterior, whose fit gains so much on the one that it was predicted from, may be as likely as one of
+  /// log posterior `top`.
   static bool may_reach(double top, double log_posterior, double gain) {
-    return log_posterior + refining_adds + refining_share * gain > top;
+    return log_posterior + refining_adds + refining_share * std::max(0.0, gain) > top;
   }
 
   bool many() const { return rows_.cell_count > many_cells; }
   std::size_t known_count() const { return known_.model.size(); }
   Names names_of(const Hypothesis& h) const { return member_names(h.fit.model, known_count()); }
 
-  Hypothesis& likeliest() {
+  Hypothesis& likeliest() const {
     return **std::max_element(table_.begin(), table_.end(), [](const auto& a, const auto& b) {
       return a->log_posterior < b->log_posterior;
     });
@@ -231,16 +232,22 @@ class SetSearch {
   }
 
   /// Fits sets of the linearised problem, a few at a time: those that are likeliest after what fits have fallen short by then, as long as
-  /// they may come near the likeliest.
+  /// they may come near the likeliest; where one is far likelier, for the problem is then linearised there, only those that are predicted
+  /// to be likelier still. No more where `here` is far from the likeliest and the first were no likelier.
   void fit_likeliest_of(Hypothesis& here, std::vector<Wanted> open) {
     const Names mine = names_of(here);
+    const double at_first = likeliest().log_posterior;
+    const bool is_far = here.log_posterior < at_first - close_by;
     for (std::size_t left = most_of_sets; left > 0;) {
       const double top = likeliest().log_posterior;
+      const bool begun = left < most_of_sets;
+      if (begun && is_far && top == at_first) break;
       for (Wanted& w : open) w.shortfall = shortfall_of(member_names(w.model, known_count()), mine);
       std::stable_sort(open.begin(), open.end(),
                        [](const Wanted& a, const Wanted& b) { return a.expected() > b.expected(); });
       const auto hopeless = std::find_if(open.begin(), open.end(), [&](const Wanted& w) {
-        return !may_reach(top, w.expected(), w.predicted_gain);
+        return top > at_first + close_by ? w.expected() < top
+                                         : !may_reach(top, w.expected(), w.predicted_gain - here.gain);
       });
       const auto count = std::min({sets_at_a_time, left, static_cast<std::size_t>(hopeless - open.begin())});
       if (count == 0) break;
@@ -463,7 +470,7 @@ class SetSearch {
           here.log_posterior + linear_posterior - own.log_posterior + rescaled - more;
       const double gain = here.gain + rescaled;
       const double best = likeliest_of_size.try_emplace(set.model.size(), linear_posterior).first->second;
-      const bool likely = linear_posterior > best - fitted_window && may_reach(top, log_posterior, gain);
+      const bool likely = linear_posterior > best - fitted_window && may_reach(top, log_posterior, rescaled);
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
       const bool again =
           known && (names.empty() || known->gain > gain - fell_short || known->fits >= most_fits);
@@ -531,14 +538,15 @@ class SetSearch {
     const Battery battery = Battery::of_shapes(rows_, here.fit.model, here.fit.state, rates_);
     std::vector<Wanted> wanted;
     std::map<EffectKind, std::size_t> taken;
-    const double price = log_prior_of_one_more_name(counts_, priors_);
+    const double price = log_prior_of_one_more_name(counts_, priors_), top = likeliest().log_posterior;
     for (Proposal& p : propose(rows_, battery, here.fit.model)) {
       const EffectInfo& info = p.effect->info();
       if (info.kind == EffectKind::mean) continue;
       if (channel_is_on_grid(known_, info.channel)) continue;  // it is judged by its means alone
       const bool exact_fit_may_gain_more =
           info.kind != EffectKind::noise;  // then it may gain more than its test says
-      if ((exact_fit_may_gain_more ? credible_gain(p) : p.predicted_gain) < -price) continue;
+      const double gain = exact_fit_may_gain_more ? credible_gain(p) : p.predicted_gain;
+      if (gain < -price || !may_reach(top, here.log_posterior + gain, gain)) continue;
       if (taken[info.kind]++ >= most_of_a_kind) continue;
       Model larger = here.fit.model;
       larger.push_back({p.effect, p.start});
