@@ -6,8 +6,6 @@
 //
 // At constant heading it shifts all stops alike: the landmarks take it up exactly. Source: derived: the lever turned by
 // the heading, added to the stop.
-#include <cmath>
-
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -40,9 +38,9 @@ class LeverArm final : public Effect {
 
   void stops(const EffectContext&, const double* p, std::vector<StopPrior>& stops) const override {
     for (StopPrior& stop : stops) {
-      const double c = std::cos(stop.commanded.heading_rad), s = std::sin(stop.commanded.heading_rad);
-      stop.commanded.x_m += c * p[0] - s * p[1];
-      stop.commanded.y_m += s * p[0] + c * p[1];
+      const Eigen::Vector2d lever = in_world(stop.commanded, p[0], p[1]);
+      stop.commanded.x_m += lever.x();
+      stop.commanded.y_m += lever.y();
     }
   }
 };

@@ -12,8 +12,6 @@
 // A gyro that creeps evenly does the same to a robot that drives evenly. The chord of an arc has its mean direction; a lateral
 // shift of kappa l^2 / 2 on a straight line. kappa = (E_d - 1) / w [1/m], E_d ratio of the wheels' diameters.
 // Source: derived: wheels of unequal diameter; UMBmark (Borenstein and Feng).
-#include <cmath>
-
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -71,14 +69,14 @@ class PathCurvature final : public Effect {
       path_m.push_back(context.path_m[k] - start_m);
     }
     turn_path(p[0], path_m, stops);
-    const double back_m = p[0] * p[1] * p[1] / 4.0;
-    double sine = 0.0, cosine = 1.0;  // of the first heading of its recording
+    const double left_m = p[0] * p[1] * p[1] / 4.0;  // of the robot: the point about which it turns
+    Eigen::Vector2d right_at_first;                  // of a recording
     for (std::size_t k = 0; k < stops.size(); ++k) {
       Pose2& pose = stops[k].commanded;
-      if (k == 0 || stops[k].recording != stops[k - 1].recording)
-        sine = std::sin(pose.heading_rad), cosine = std::cos(pose.heading_rad);
-      pose.x_m += back_m * (std::sin(pose.heading_rad) - sine);
-      pose.y_m -= back_m * (std::cos(pose.heading_rad) - cosine);
+      const Eigen::Vector2d right = in_world(pose, 0.0, -1.0);
+      if (k == 0 || stops[k].recording != stops[k - 1].recording) right_at_first = right;
+      pose.x_m += left_m * (right.x() - right_at_first.x());
+      pose.y_m += left_m * (right.y() - right_at_first.y());
     }
   }
 

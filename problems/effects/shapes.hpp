@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -99,6 +100,12 @@ inline std::string lacks_radii(const EffectContext& context) {
   const std::vector<double>& radii = context.landmark_radius_m;
   const bool round = std::any_of(radii.begin(), radii.end(), [](double radius) { return radius > 0.0; });
   return round ? "" : "radius_m of the landmarks";
+}
+
+/// Rot(heading) (forward, left): a vector of the robot's frame in the world's [m].
+inline Eigen::Vector2d in_world(const Pose2& robot, double forward_m, double left_m) {
+  const double c = std::cos(robot.heading_rad), s = std::sin(robot.heading_rad);
+  return {c * forward_m - s * left_m, s * forward_m + c * left_m};
 }
 
 /// Turns a commanded path: headings by `scale` times `error` of each stop, 0 at the first of a recording, and each step by the

@@ -155,8 +155,8 @@ class SetSearch {
     double expected() const { return log_posterior - shortfall; }
   };
 
-  /// True if a set of that predicted posterior, whose fit gains so much on the one that it was predicted from, may be as likely as one of
-  /// log posterior `top`.
+  /// True if a set of that predicted posterior may be as likely as one of log posterior `top`. `gain`: predicted, over the set that it was
+  /// predicted from.
   static bool may_reach(double top, double log_posterior, double gain) {
     return log_posterior + refining_adds + refining_share * std::max(0.0, gain) > top;
   }
@@ -240,8 +240,6 @@ class SetSearch {
     const bool is_far = here.log_posterior < at_first - close_by;
     for (std::size_t left = most_of_sets; left > 0;) {
       const double top = likeliest().log_posterior;
-      const bool begun = left < most_of_sets;
-      if (begun && is_far && top == at_first) break;
       for (Wanted& w : open) w.shortfall = shortfall_of(member_names(w.model, known_count()), mine);
       std::stable_sort(open.begin(), open.end(),
                        [](const Wanted& a, const Wanted& b) { return a.expected() > b.expected(); });
@@ -259,6 +257,7 @@ class SetSearch {
         for (TriedSet::Proposal& p : here.proposals)
           if (p.members == member_names(w.model, known_count())) p.fitted = true;
       fit_all(here, std::move(next));
+      if (is_far && likeliest().log_posterior == at_first) break;
     }
     for (const Wanted& w : open)
       if (tells_outcomes())
@@ -619,7 +618,8 @@ class SetSearch {
     return *most;
   }
 
-  /// From where a set within this one has its members, stops and landmarks, the linear parameters of the others at 0: the fit gains no less.
+  /// From where a set within this one has its members, stops and landmarks, the linear parameters of the others at 0: the fit gains no less,
+  /// but beside a random walk of the stops, which takes the place of independent errors at every size.
   void start_from(const Hypothesis& within, Model model, Hypothesis& made) const {
     for (std::size_t i = known_count(); i < model.size(); ++i) {
       ActiveEffect& member = model[i];
