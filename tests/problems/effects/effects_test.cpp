@@ -272,7 +272,10 @@ TEST(Effects, LinearParametersAreLinearAndVanishAtZero) {
     // axial_depth moves d by metres at its typical size, where the bend counts in full, and noise_law takes the logarithm of a
     // sum of variances: they are tried at a twentieth and a hundredth.
     const std::string& id = effect->info().id;
-    const double size = id == "axial_depth" ? 0.05 : id == "noise_law" ? 0.01 : 1.0;
+    const double size = id == "axial_depth"     ? 0.05
+                        : id == "noise_law"     ? 0.01
+                        : id == "pixel_locking" ? 0.3
+                                                : 1.0;
     EXPECT_LE((scaled(2e-4 * size) - 2.0 * scaled(1e-4 * size)).norm(), 1e-4 * scaled(1e-4 * size).norm());
     EXPECT_LE((scaled(2.0 * size) - 2.0 * scaled(size)).norm(), 0.1 * scaled(size).norm());
   }

@@ -51,8 +51,8 @@ std::vector<Case> cases() {
       {"range_saturation", {0.4, 2.0 / half}, {.range = 0.2}},  // d / D = ln 2: half of it
       {"laser_pointing", {0.002}, {.range = 0.008}},            // 0.002 * 4
       {"lens_distortion", {0.002}, {.range = 0.001}},           // 0.002 / 2
-      // k / d = 100.5 pi: cos = 0, sin = 1; 4 * 0.002
-      {"pixel_locking", {0.001, 0.002, 201.0 * pi}, {.range = 0.008}},
+      // k / d = 100.5 pi: cos = 0, sin = 1; q = 1e-5 sqrt(5) 201 pi / 2 = 0.0071: the second term is 2e-7 of the first; 4 * 2e-5
+      {"pixel_locking", {1e-5, 2e-5, 201.0 * pi}, {.range = 8e-5}},
       // steps 2.1^2 * 0.005 = 0.02205 and 0.01: (0.0004862025 + 0.0001) / (12 * 0.0004) = 0.1221255208
       {"quantisation", {0.005, 0.01}, {.range_log_variance = std::log(1.12212552083333)}},
       {"near_regime", {0.005, 0.02, 2.5}, {.range = -0.005}},  // 0.005 + 0.02 * (2 - 2.5)
@@ -397,7 +397,7 @@ TEST(EffectValues, PhasesOfWobblesAreThoseOfTheirFormulas) {
   const EffectContext context = example_context();
   ReadingView<double> at = example_reading(context);
   // delta r = A sin(k d + psi)
-  const double cyclic[] = {0.003, -0.004, 7.0}, locking[] = {0.003, -0.004, 700.0};
+  const double cyclic[] = {0.003, -0.004, 7.0}, locking[] = {3e-6, -4e-6, 700.0};
   const auto of_distance = find_effect("cyclic_error")->reported(context, cyclic);
   EXPECT_EQ(of_distance[1].first, "phase_rad");
   // delta r = -A d^2 sin(k / d + psi)
@@ -408,7 +408,32 @@ TEST(EffectValues, PhasesOfWobblesAreThoseOfTheirFormulas) {
     EXPECT_NEAR(find_effect("cyclic_error")->reading(at, cyclic).range,
                 of_distance[0].second * std::sin(7.0 * d + of_distance[1].second), 1e-15);
     EXPECT_NEAR(find_effect("pixel_locking")->reading(at, locking).range,
-                -of_disparity[0].second * d * d * std::sin(700.0 / d + of_disparity[1].second), 1e-14);
+                -of_disparity[0].second * d * d * std::sin(700.0 / d + of_disparity[1].second), 1e-12);
+  }
+}
+
+// The centroid of a normal spot summed over whole pixels, by its sum: pixel n gets Phi((n + 1/2 - x) / w) - Phi((n - 1/2 - x) / w). x is the spot's
+// place, w its width [px]; pixels count from far to near.
+TEST(EffectValues, PixelLockingIsTheCentroidOfWholePixels) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  const auto below = [](double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); };
+  const double pixels_m = 120.0;  // f s / p: a spot at d lies at 120 m / d
+  // Width, and what the terms after the fifth leave out [px].
+  for (const auto& [w, left_out] : {std::pair{0.4, 1e-12}, {0.2422, 1e-12}, {0.1534, 1e-8}, {0.1106, 1e-5}}) {
+    const double amplitude_px = std::exp(-2.0 * pi * pi * w * w) / pi;
+    // A pull by +1 px makes the reading shorter by d^2 / 120 m; psi = pi, for at a pixel's centre the pull falls with x.
+    const double locking[] = {0.0, amplitude_px / pixels_m, 2.0 * pi * pixels_m};
+    for (const double d : {0.4, 1.234, 2.9, 3.7}) {
+      at.d = d;
+      const double x = pixels_m / d;
+      double centroid = 0.0;
+      for (int n = static_cast<int>(x) - 8; n < x + 9; ++n)
+        centroid += n * (below((n + 0.5 - x) / w) - below((n - 0.5 - x) / w));
+      EXPECT_NEAR(find_effect("pixel_locking")->reading(at, locking).range,
+                  -d * d / pixels_m * (centroid - x), d * d / pixels_m * left_out)
+          << w << " px, " << d << " m";
+    }
   }
 }
 

@@ -32,7 +32,8 @@ struct EffectParameter {
   double typical =
       0.0;  ///< typical size, of either sign; also the scale of its prior, Student's t with two degrees of freedom
   double low = 0.0, high = 0.0;  ///< bounds set by physics
-  bool linear = true;            ///< the change is linear in it and vanishes with it: starts at 0, no grid
+  bool linear =
+      true;  ///< the change vanishes with it and is linear in it to first order: starts at 0, no grid
   bool discrete = false;  ///< chosen from the start grid, never moved (a landmark, a stop, a change point)
 };
 
