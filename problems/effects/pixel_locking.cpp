@@ -18,6 +18,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -62,13 +63,13 @@ class PixelLocking final : public Effect {
   bool differs_between_repeats() const override { return false; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
-    constexpr int terms = 5;
     const double phase = p[2] / at.d, cosine = std::cos(phase), sine = std::sin(phase);
     const double amplitude = std::hypot(p[0], p[1]), q = std::min(0.5 * amplitude * p[2], 1.0);
     // -A sin(n theta) by Chebyshev's recurrence, theta = k / d + psi; about an amplitude of 0 the first term is all.
     double before = 0.0, wave = p[0] * cosine + p[1] * sine, sum = wave;
     const double two_cos_theta = amplitude > 0.0 ? 2.0 * (p[0] * sine - p[1] * cosine) / amplitude : 0.0;
-    double weight = 1.0, step = q;  // q^(n^2 - 1), and q^(2 n - 1) from n - 1 to n
+    const int terms = q < 1e-4 ? 1 : 5;  // the second is q^3 / 2 of the first, rounding
+    double weight = 1.0, step = q;       // q^(n^2 - 1), and q^(2 n - 1) from n - 1 to n
     for (int n = 2; n <= terms; ++n) {
       before = std::exchange(wave, two_cos_theta * wave - before);
       step *= q * q;
@@ -76,6 +77,14 @@ class PixelLocking final : public Effect {
       sum += weight / n * wave;
     }
     return {.range = at.d * at.d * sum};
+  }
+
+  /// Of no pull, where the first term is all.
+  std::optional<ReadingChange<double>> slope(const ReadingView<double>& at, const double* p,
+                                             int parameter) const override {
+    if (parameter > 1 || p[0] != 0.0 || p[1] != 0.0) return std::nullopt;
+    const double phase = p[2] / at.d;
+    return ReadingChange<double>{.range = at.d * at.d * (parameter == 0 ? std::cos(phase) : std::sin(phase))};
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {

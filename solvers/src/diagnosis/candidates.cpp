@@ -50,11 +50,14 @@ std::vector<Height> peaks_of(const Battery& battery, const Effect& effect, std::
   return peaks;
 }
 
-std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model) {
+std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model, Proposed of) {
+  const auto may_be_proposed = [&](const Effect* effect) {
+    return !contains(model, effect) && (of == Proposed::all || effect->info().kind != EffectKind::mean);
+  };
   std::map<std::string, Proposal> best;
   std::map<std::string, std::vector<Height>> peaks;  // in the order of the grid
   for (const Question& q : battery.questions) {
-    if (!q.effect || contains(model, q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
+    if (!q.effect || !may_be_proposed(q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
     Proposal& p = best[q.effect->info().id];
     if (!p.effect || q.gain > p.predicted_gain) p = {q.effect, q.start, q.gain, q.gain - q.dof, {}};
     peaks[q.effect->info().id].emplace_back(q.gain, q.start);
@@ -63,7 +66,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   // them.
   for (const Effect* effect : effects_of(rows.context)) {
     const EffectInfo& info = effect->info();
-    if (best.count(info.id) || contains(model, effect) || !effect->lacking(rows.context).empty()) continue;
+    if (best.count(info.id) || !may_be_proposed(effect) || !effect->lacking(rows.context).empty()) continue;
     if (info.kind != EffectKind::dependence && info.kind != EffectKind::tail && !effect->acts_on_stops())
       continue;
     for (const Question& q : battery.questions) {

@@ -33,8 +33,12 @@ bool contains(const Model& model, const Effect* effect);
 /// The effects of a model by their ids.
 std::vector<std::string> ids_of(const Model& model);
 
+/// Of which of the catalogue's entries there may be proposals.
+enum class Proposed { all, but_means };
+
 /// The catalogue's entries ordered by the gain that their projected scores predict, best grid point of each.
-std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model);
+std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model,
+                              Proposed of = Proposed::all);
 
 /// A start of a grid, and the gain that its score predicts [nats].
 using Height = std::pair<double, Eigen::VectorXd>;

@@ -166,11 +166,17 @@ void Dictionary::add_grams_of_block(int column) {
     x.bearing = rows_.pairs ? Eigen::VectorXd(Eigen::VectorXd::Zero(cells)) : own.tail(cells);
     projected.col(c) = projector_.project(x).head(projected.rows());
   }
-  constexpr Eigen::Index together = 256;
+  constexpr Eigen::Index together = 256,
+                         few = 3;  // columns that are not worth the packing of a matrix product
   in_parallel(static_cast<std::size_t>((count + together - 1) / together), [&](std::size_t part) {
     const Eigen::Index first = static_cast<Eigen::Index>(part) * together,
                        size = std::min(together, count - first);
-    rows.middleRows(first, size).noalias() = columns_.middleCols(first, size).transpose() * projected;
+    if (projected.cols() > few) {
+      rows.middleRows(first, size).noalias() = columns_.middleCols(first, size).transpose() * projected;
+      return;
+    }
+    for (Eigen::Index j = first; j < first + size; ++j)
+      for (Eigen::Index c = 0; c < projected.cols(); ++c) rows(j, c) = columns_.col(j).dot(projected.col(c));
   });
   for (const Within& own : within_) {
     const int c = own.column - block->first;

@@ -26,6 +26,7 @@ struct Hypothesis {
   int fits = 1;                               ///< how often it was fitted, from several starts
   bool refined = false;                       ///< other optima of its members were looked for
   bool scanned = false;                       ///< what may be likelier was looked for from here
+  Eigen::VectorXd residuals;  ///< of the cell means [standard deviations], once it was scanned; else empty
 };
 
 /// What `diagnose --trace` and a followed search say of a hypothesis.

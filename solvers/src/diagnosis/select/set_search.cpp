@@ -35,6 +35,8 @@ constexpr std::size_t most_close = 4, most_close_of_many = 1;
 constexpr int many_cells = 500;
 /// How far below the likeliest these are [nats].
 constexpr double close_by = 4.0;
+/// Nats by which the readings could tell two fits apart, for what departs from one to be the same that departs from the other.
+constexpr double cannot_be_told = 0.3;
 /// Sets of the linearised problem that are fitted, so many at a time, and how far below the likeliest of their size [nats].
 constexpr std::size_t most_of_sets = 10, sets_at_a_time = 4;
 constexpr double fitted_window = 8.0;
@@ -73,6 +75,15 @@ std::string step_in_words(const Names& set, const Names& from) {
   return text + (steps.empty() ? "other optima)" : ")");
 }
 
+/// Names and curves for spreads, tails and dependence, sorted.
+Names names_of_no_mean(const Model& model) {
+  Names names;
+  for (const ActiveEffect& a : model)
+    if (a.effect->info().kind != EffectKind::mean) names.push_back(member_name(*a.effect));
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 /// A line of a set that was fitted. `before`: the log posterior of what it is compared with.
 void tell_of_fitted(const TriedSet& set, double before, const std::string& what_became_of_it) {
   tell(fmt::format(
@@ -107,9 +118,16 @@ double loss_without(const Fit& fit, std::size_t member) {
 
 class SetSearch {
  public:
-  SetSearch(const Rows& rows, const Fit& root, const Bookkeeping& known, const Rates& rates,
-            const RefitOptions& options, const SelectionPriors& priors)
-      : rows_(rows), known_(known), rates_(rates), options_(options), priors_(priors), root_nll_(root.nll) {
+  /// `of_root`: what its residuals were asked already; null where they were not.
+  SetSearch(const Rows& rows, const Fit& root, const Battery* of_root, const Bookkeeping& known,
+            const Rates& rates, const RefitOptions& options, const SelectionPriors& priors)
+      : rows_(rows),
+        of_root_(of_root),
+        known_(known),
+        rates_(rates),
+        options_(options),
+        priors_(priors),
+        root_nll_(root.nll) {
     const WorkingProblem working = working_problem(rows, root.model, root.state);
     const Projector projector(rows, working, root.state);
     root_volume_ = projector.log_phi_volume();
@@ -171,6 +189,18 @@ class SetSearch {
     });
   }
 
+  /// The sets that are so many nats below the likeliest at most, the likeliest first.
+  std::vector<Hypothesis*> at_most_below_the_likeliest(double nats) const {
+    const double least = likeliest().log_posterior - nats;
+    std::vector<Hypothesis*> close;
+    for (const auto& h : table_)
+      if (h->log_posterior > least) close.push_back(h.get());
+    std::stable_sort(close.begin(), close.end(), [](const Hypothesis* a, const Hypothesis* b) {
+      return a->log_posterior > b->log_posterior;
+    });
+    return close;
+  }
+
   /// True if the other members may have been fitted about a wrong start of this one: what moves no mean takes up what means
   /// leave (a curve of the spread what a name would), and periods, time constants, stops and landmarks have many optima.
   static bool may_hold_fast(const Effect& effect) {
@@ -182,20 +212,37 @@ class SetSearch {
   Hypothesis* next_to_scan() {
     Hypothesis& top = likeliest();
     if (!top.scanned) return &top;
-    std::vector<Hypothesis*> close;
-    for (const auto& h : table_)
-      if (h->log_posterior > top.log_posterior - close_by) close.push_back(h.get());
-    std::stable_sort(close.begin(), close.end(), [](const Hypothesis* a, const Hypothesis* b) {
-      return a->log_posterior > b->log_posterior;
-    });
-    for (std::size_t i = 0; i < close.size() && i < (many() ? most_close_of_many : most_close); ++i)
+    const std::vector<Hypothesis*> close = at_most_below_the_likeliest(close_by);
+    for (std::size_t i = 0; i < close.size() && i < (many() ? most_close_of_many : most_close); ++i) {
+      close[i]->scanned = close[i]->scanned || departs_as_one_scanned(*close[i]);
       if (!close[i]->scanned) return close[i];
+    }
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
       if (!may_hold_fast(*top.fit.model[i].effect)) continue;
       Hypothesis* smaller = find(member_names(without(top.fit.model, i), known_count()));
       if (smaller && !smaller->scanned) return smaller;
     }
     return nullptr;
+  }
+
+  /// Cell means less what a fit makes of them, ranges and bearings in standard deviations.
+  Eigen::VectorXd residuals_of(const Fit& fit) const {
+    const Projector projector(rows_, working_problem(rows_, fit.model, fit.state), fit.state);
+    Eigen::VectorXd of_both(2 * projector.range_residual.size());
+    of_both << projector.range_residual.cwiseProduct(projector.range_information.cwiseSqrt()),
+        projector.bearing_residual.cwiseProduct(projector.bearing_information.cwiseSqrt());
+    return of_both;
+  }
+
+  /// True if the readings depart from this set as they do from one that was scanned, as far as they can tell, beside the same names for
+  /// spreads, tails and dependence: what is missing here was looked for there (twins, and members that are nothing).
+  bool departs_as_one_scanned(const Hypothesis& h) const {
+    const Names rest = names_of_no_mean(h.fit.model);
+    const Eigen::VectorXd own = residuals_of(h.fit);
+    return std::any_of(table_.begin(), table_.end(), [&](const auto& other) {
+      return other->residuals.size() == own.size() && names_of_no_mean(other->fit.model) == rest &&
+             0.5 * (other->residuals - own).squaredNorm() < cannot_be_told;
+    });
   }
 
   Hypothesis* find(const Names& names) {
@@ -209,6 +256,7 @@ class SetSearch {
   /// its members.
   void look_around(Hypothesis& here) {
     here.scanned = true;
+    here.residuals = residuals_of(here.fit);
     fit_all(here, asked_of_residuals(here));
     fit_likeliest_of(here, sets_linearised_at(here));
     if (&here == table_.front().get() && falls_short_of_linear(here)) fit_all(here, names_by_score(here));
@@ -279,10 +327,12 @@ class SetSearch {
     });
   }
 
-  /// The names of means whose scores promise most here, each added and fitted from up to four starts: what the linearised problem says of
+  /// The names of means whose scores promise most at the root, `here`, each added and fitted from up to four starts: what the linearised problem says of
   /// sets is not to be believed.
   std::vector<Wanted> names_by_score(const Hypothesis& here) const {
-    const Battery battery(rows_, here.fit.model, here.fit.state, rates_);
+    std::optional<Battery> asked;
+    const Battery& battery =
+        of_root_ ? *of_root_ : asked.emplace(rows_, here.fit.model, here.fit.state, rates_);
     std::vector<Proposal> names = propose(rows_, battery, here.fit.model);
     std::erase_if(names, [&](const Proposal& p) {
       return p.effect->info().kind != EffectKind::mean ||
@@ -374,8 +424,8 @@ class SetSearch {
     for (const auto& [effect, w] : most) w->refine = true;
   }
 
-  /// Looks for other optima of the likeliest set, of those that lack one of its members and come near it, and of the next likeliest, if
-  /// that may then be the likeliest. False if all had been looked for, or none is better.
+  /// Looks for other optima of the likeliest set, of those that lack one of its members and come near it, and of the next likeliest that
+  /// may then be the likeliest. False if all had been looked for, or none is better.
   bool refine_likeliest() {
     Hypothesis& top = likeliest();
     std::vector<Hypothesis*> open;
@@ -387,12 +437,9 @@ class SetSearch {
     take(&top);
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i)
       take(find(member_names(without(top.fit.model, i), known_count())));
-    Hypothesis* runner_up = nullptr;
-    for (const auto& h : table_)
-      if (!h->refined && h.get() != &top && h->log_posterior > top.log_posterior - refining_adds &&
-          (!runner_up || h->log_posterior > runner_up->log_posterior))
-        runner_up = h.get();
-    if (std::find(open.begin(), open.end(), runner_up) == open.end()) take(runner_up);
+    const std::vector<Hypothesis*> close = at_most_below_the_likeliest(refining_adds);
+    for (std::size_t i = 0; i < close.size() && i < (many() ? most_close_of_many : most_close); ++i)
+      if (std::find(open.begin(), open.end(), close[i]) == open.end()) take(close[i]);
     std::vector<std::unique_ptr<Hypothesis>> made(open.size());
     in_parallel(
         open.size(),
@@ -534,13 +581,17 @@ class SetSearch {
 
   /// Beside the set: names for spreads, tails and dependence, and curves, as its residuals ask for them.
   std::vector<Wanted> asked_of_residuals(const Hypothesis& here) const {
-    const Battery battery = Battery::of_shapes(rows_, here.fit.model, here.fit.state, rates_);
+    std::optional<Battery> asked;
+    const bool is_root = &here == table_.front().get();
+    const Battery& battery =
+        is_root && of_root_
+            ? *of_root_
+            : asked.emplace(Battery::of_shapes(rows_, here.fit.model, here.fit.state, rates_));
     std::vector<Wanted> wanted;
     std::map<EffectKind, std::size_t> taken;
     const double price = log_prior_of_one_more_name(counts_, priors_), top = likeliest().log_posterior;
-    for (Proposal& p : propose(rows_, battery, here.fit.model)) {
+    for (Proposal& p : propose(rows_, battery, here.fit.model, Proposed::but_means)) {
       const EffectInfo& info = p.effect->info();
-      if (info.kind == EffectKind::mean) continue;
       if (channel_is_on_grid(known_, info.channel)) continue;  // it is judged by its means alone
       const bool exact_fit_may_gain_more =
           info.kind != EffectKind::noise;  // then it may gain more than its test says
@@ -748,6 +799,7 @@ class SetSearch {
   }
 
   const Rows& rows_;
+  const Battery* of_root_;
   const Bookkeeping& known_;
   const Rates& rates_;
   const RefitOptions& options_;
@@ -786,7 +838,8 @@ SearchedSets searched(const Rows& rows, const Bookkeeping& known, const Diagnose
   all.refit_options.settled = static_cast<int>(known.model.size());
   all.refit_options.gradient_tolerance = close_enough;
   if (options.progress) options.progress("searching for causes", 0.3);
-  SetSearch search(rows, all.root, known, all.result.rates, all.refit_options, priors);
+  SetSearch search(rows, all.root, known.model.empty() ? all.result.first.get() : nullptr, known,
+                   all.result.rates, all.refit_options, priors);
   all.table = search.run(without_law(start.fit.model), start.curves);
   const bool weak = all.result.alarm_p >= alarm_alone_share * options.alarm_rate && known.model.empty();
   if (weak && all.table.front()->fit.model.empty()) {
