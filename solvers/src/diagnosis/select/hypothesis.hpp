@@ -22,6 +22,7 @@ struct Hypothesis {
   double log_posterior = 0.0;
   double predicted_gain = 0.0;      ///< gain by the linearised problem or by a score [nats]; 0: neither
   std::vector<std::string> parent;  ///< members of the set from which it was reached
+  bool of_linear = false;           ///< as one of the problem linearised there
   std::vector<TriedSet::Proposal> proposals;  ///< likely sets of the problem linearised here
   int fits = 1;                               ///< how often it was fitted, from several starts
   bool refined = false;                       ///< other optima of its members were looked for

@@ -166,6 +166,7 @@ class SetSearch {
     Model model;
     double predicted_gain = 0.0;  ///< total gain over the root, by the linearised problem or a score [nats]
     double log_posterior = 0.0;   ///< of a set of the linearised problem, as predicted [nats]
+    bool of_linear = false;       ///< it is one
     std::shared_ptr<Effect> curve = nullptr;  ///< asked for by residuals, in the model
     bool refine = false;                      ///< other optima are looked for
     std::optional<Fit> fit = std::nullopt;    ///< where it is fitted already
@@ -245,7 +246,7 @@ class SetSearch {
     });
   }
 
-  Hypothesis* find(const Names& names) {
+  Hypothesis* find(const Names& names) const {
     for (const auto& h : table_)
       if (names_of(*h) == names) return h.get();
     return nullptr;
@@ -323,12 +324,13 @@ class SetSearch {
     const Names mine = names_of(here);
     return std::any_of(table_.begin(), table_.end(), [&](const auto& h) {
       const double predicted = h->predicted_gain - here.gain;
-      return h->parent == mine && h->predicted_gain - h->gain > refining_adds + refining_share * predicted;
+      return h->of_linear && h->parent == mine &&
+             h->predicted_gain - h->gain > refining_adds + refining_share * predicted;
     });
   }
 
-  /// The names of means whose scores promise most at the root, `here`, each added and fitted from up to four starts: what the linearised problem says of
-  /// sets is not to be believed.
+  /// The names of means whose scores promise most at the root, `here`, each added and fitted from up to four starts: what the linearised
+  /// problem says of sets is not to be believed. But those that were fitted and have one optimum.
   std::vector<Wanted> names_by_score(const Hypothesis& here) const {
     std::optional<Battery> asked;
     const Battery& battery =
@@ -336,7 +338,8 @@ class SetSearch {
     std::vector<Proposal> names = propose(rows_, battery, here.fit.model);
     std::erase_if(names, [&](const Proposal& p) {
       return p.effect->info().kind != EffectKind::mean ||
-             channel_is_on_grid(known_, p.effect->info().channel);
+             channel_is_on_grid(known_, p.effect->info().channel) ||
+             (!has_many_optima(*p.effect) && find({member_name(*p.effect)}));
     });
     std::vector<Fit> fits(names.size());
     in_parallel(
@@ -533,7 +536,7 @@ class SetSearch {
             names, mine,
             fmt::format("not fitted: predicted log posterior {:.2f}, what it has more is not worth its prior",
                         log_posterior));
-      if (!again && !idle) wanted.push_back({std::move(model), gain, log_posterior});
+      if (!again && !idle) wanted.push_back({std::move(model), gain, log_posterior, true});
     }
     return wanted;
   }
@@ -559,7 +562,8 @@ class SetSearch {
         jobs_at_once(rows_.size()));
     for (std::size_t i = 0; i < asked.size(); ++i) {
       if (!curves[i]) continue;
-      Wanted w{curves[i]->fit.model, here.gain + asked[i]->gain, 0.0, std::move(curves[i]->effect)};
+      Wanted w{curves[i]->fit.model, here.gain + asked[i]->gain};
+      w.curve = std::move(curves[i]->effect);
       w.fit = std::move(curves[i]->fit);
       wanted.push_back(std::move(w));
     }
@@ -630,6 +634,7 @@ class SetSearch {
     }
     made->predicted_gain = wanted.predicted_gain;
     made->parent = names_of(here);
+    made->of_linear = wanted.of_linear;
     keep_alive(here.curves, *made);
     if (wanted.curve) made->curves.push_back(wanted.curve);
     const char* against = made->fit.ok ? fill_posterior(*made) : "its fit did not converge";
