@@ -269,8 +269,9 @@ TEST(Effects, LinearParametersAreLinearAndVanishAtZero) {
     EXPECT_EQ(scaled(0.0).norm(), 0.0);
     // The curve's bend, the arc of a curved path and asin add terms of second order: relative 1e-4 of what
     // they are at the typical size in the first check, up to a tenth in the second.
-    // axial_depth moves d by metres at its typical size, where the bend counts in full, and noise_law takes the logarithm of a
-    // sum of variances: they are tried at a twentieth and a hundredth.
+    // axial_depth moves d by metres at its typical size, where the bend counts in full, noise_law takes the logarithm of a
+    // sum of variances, and the harmonics of pixel_locking grow with the cube of its size: they are tried at a twentieth, a
+    // hundredth and three tenths.
     const std::string& id = effect->info().id;
     const double size = id == "axial_depth"     ? 0.05
                         : id == "noise_law"     ? 0.01

@@ -412,8 +412,8 @@ TEST(EffectValues, PhasesOfWobblesAreThoseOfTheirFormulas) {
   }
 }
 
-// The centroid of a normal spot summed over whole pixels, by its sum: pixel n gets Phi((n + 1/2 - x) / w) - Phi((n - 1/2 - x) / w). x is the spot's
-// place, w its width [px]; pixels count from far to near.
+// The centroid of a normal spot summed over whole pixels, by its sum: pixel n gets Phi((n + 1/2 - x) / w) - Phi((n - 1/2 - x) / w).
+// x is the spot's place, w its width [px]; pixels count from far to near.
 TEST(EffectValues, PixelLockingIsTheCentroidOfWholePixels) {
   const EffectContext context = example_context();
   ReadingView<double> at = example_reading(context);

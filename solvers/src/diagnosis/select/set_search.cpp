@@ -190,8 +190,8 @@ class SetSearch {
     });
   }
 
-  /// The sets that are so many nats below the likeliest at most, the likeliest first.
-  std::vector<Hypothesis*> at_most_below_the_likeliest(double nats) const {
+  /// The likeliest sets, the likeliest first: few, and none that is more nats below it.
+  std::vector<Hypothesis*> likeliest_within(double nats) const {
     const double least = likeliest().log_posterior - nats;
     std::vector<Hypothesis*> close;
     for (const auto& h : table_)
@@ -199,6 +199,7 @@ class SetSearch {
     std::stable_sort(close.begin(), close.end(), [](const Hypothesis* a, const Hypothesis* b) {
       return a->log_posterior > b->log_posterior;
     });
+    close.resize(std::min(close.size(), many() ? most_close_of_many : most_close));
     return close;
   }
 
@@ -208,15 +209,14 @@ class SetSearch {
     return effect.info().kind != EffectKind::mean || (!is_generic(effect) && has_many_optima(effect));
   }
 
-  /// The likeliest set; then, for the best may not be seen from there, the next likeliest, and the likeliest without each
-  /// member that may hold the others fast. Null when all of these were scanned.
+  /// The likeliest set; then, for the best may not be seen from there, the next likeliest of those that show something else,
+  /// and the likeliest without each member that may hold the others fast. Null when all of these were scanned.
   Hypothesis* next_to_scan() {
     Hypothesis& top = likeliest();
     if (!top.scanned) return &top;
-    const std::vector<Hypothesis*> close = at_most_below_the_likeliest(close_by);
-    for (std::size_t i = 0; i < close.size() && i < (many() ? most_close_of_many : most_close); ++i) {
-      close[i]->scanned = close[i]->scanned || departs_as_one_scanned(*close[i]);
-      if (!close[i]->scanned) return close[i];
+    for (Hypothesis* close : likeliest_within(close_by)) {
+      close->scanned = close->scanned || departs_as_one_scanned(*close);
+      if (!close->scanned) return close;
     }
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
       if (!may_hold_fast(*top.fit.model[i].effect)) continue;
@@ -440,9 +440,8 @@ class SetSearch {
     take(&top);
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i)
       take(find(member_names(without(top.fit.model, i), known_count())));
-    const std::vector<Hypothesis*> close = at_most_below_the_likeliest(refining_adds);
-    for (std::size_t i = 0; i < close.size() && i < (many() ? most_close_of_many : most_close); ++i)
-      if (std::find(open.begin(), open.end(), close[i]) == open.end()) take(close[i]);
+    for (Hypothesis* close : likeliest_within(refining_adds))
+      if (std::find(open.begin(), open.end(), close) == open.end()) take(close);
     std::vector<std::unique_ptr<Hypothesis>> made(open.size());
     in_parallel(
         open.size(),
@@ -804,7 +803,7 @@ class SetSearch {
   }
 
   const Rows& rows_;
-  const Battery* of_root_;
+  const Battery* of_root_;  ///< what the root's residuals were asked; null where they were not
   const Bookkeeping& known_;
   const Rates& rates_;
   const RefitOptions& options_;
