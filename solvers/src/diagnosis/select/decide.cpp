@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "diagnosis/findings.hpp"
-#include "diagnosis/refine.hpp"
 #include "diagnosis/select/rivals.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
@@ -100,13 +99,6 @@ std::string along(const EffectInfo& info) {
 bool is_curve_along(const ActiveEffect& member, const EffectInfo& name) {
   const EffectInfo& info = member.effect->info();
   return is_generic(*member.effect) && info.channel == name.channel && along(info) == along(name);
-}
-
-/// What such a curve is worth [nats], in the likeliest set; 0 without one.
-double curve_along(const Effect& name, const Hypotheses& table, std::size_t known) {
-  for (const ActiveEffect& a : table.front()->fit.model)
-    if (is_curve_along(a, name.info())) return worth_of(a, table, known);
-  return 0.0;
 }
 
 /// Nats by which the likeliest set is likelier than the likeliest that has a curve of another place where it has one of its names: one
@@ -231,7 +223,6 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
     if (is_generic(*member.effect)) continue;
     const double worth = worths[i];
     const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
-    const double share = has_many_optima(*member.effect) ? priors.beside_curve_chosen : priors.beside_curve;
     const char* const against =
         probability < 0.5 ? "refused, another name is as probable"
         : margin_over_curve(member, table, known) < priors.over_curve
@@ -239,9 +230,7 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
         : margin_as_it_stands(member, table, known) < -priors.formula_misses * worth
             ? "refused, a curve of its own covariate is likelier than its formula as it stands"
         : worth < least ? "refused, worth too little beside the others"
-        : worth < share * curve_along(*member.effect, table, known)
-            ? "refused, worth too little beside a curve of its own channel and covariate"
-            : nullptr;
+                        : nullptr;
     tell_of(member, worth, probability, against ? against : "kept");
     if (against) continue;
     const double range_error = range_error_of(seed, {member, -1, seed.change({member})});

@@ -139,6 +139,23 @@ double log_density_of_curves(const Fit& fit, const std::vector<Eigen::Index>& of
   return log_normal_density(c, V);
 }
 
+/// ln det (C^-1 + wide^-2)^-1 = ln det C - ln det (C + wide^2) + ln det wide^2 of a covariance C and the standard deviations `wide`
+/// of priors, which a parameter that the readings do not tell has. In units of `wide`, so that none is lost in the rounding of
+/// another; one that its own rounding hides counts as that.
+double log_det_within(const Eigen::MatrixXd& C, const Eigen::VectorXd& wide) {
+  if (!C.allFinite()) return -std::numeric_limits<double>::infinity();
+  const Eigen::Index k = wide.size();
+  const Eigen::VectorXd scale = wide.cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * C * scale.asDiagonal();
+  const auto log_det = [&](const Eigen::MatrixXd& V) {
+    const Eigen::LDLT<Eigen::MatrixXd> factor(V);
+    const Eigen::VectorXd own = factor.transpositionsP() * V.diagonal();
+    const Eigen::VectorXd rounding = std::numeric_limits<double>::epsilon() * own;
+    return factor.vectorD().cwiseMax(rounding).array().log().sum();
+  };
+  return log_det(scaled) - log_det(scaled + Eigen::MatrixXd::Identity(k, k)) + 2.0 * wide.array().log().sum();
+}
+
 }  // namespace
 
 double log_prior_density(const EffectParameter& parameter, double low, double high, double value,
@@ -230,16 +247,7 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
     wide[i] = prior_width(rows, fit.model, fit.free[static_cast<std::size_t>(joint[i])]);
     for (Eigen::Index j = 0; j < k; ++j) C(i, j) = fit.covariance(joint[i], joint[j]);
   }
-  // (C^-1 + wide^-2)^-1 = C - C (C + wide^2)^-1 C
-  const Eigen::MatrixXd sum = C + Eigen::MatrixXd(wide.cwiseAbs2().asDiagonal());
-  const Eigen::LLT<Eigen::MatrixXd> of_sum(sum);
-  if (of_sum.info() != Eigen::Success) return -std::numeric_limits<double>::infinity();
-  const Eigen::MatrixXd scale = wide.cwiseInverse().asDiagonal();
-  const Eigen::MatrixXd within = scale * (C - C * of_sum.solve(C)) * scale;
-  const Eigen::LDLT<Eigen::MatrixXd> factor(within);
-  double log_det = 2.0 * wide.array().log().sum();
-  for (Eigen::Index i = 0; i < k; ++i) log_det += std::log(std::max(factor.vectorD()[i], 1e-300));
-  volume += 0.5 * (static_cast<double>(k) * log_two_pi + log_det);
+  volume += 0.5 * (static_cast<double>(k) * log_two_pi + log_det_within(C, wide));
   return curve.empty() ? volume : volume + log_density_of_curves(fit, curve);
 }
 

@@ -12,10 +12,6 @@ struct SelectionPriors {
   /// Degrees of freedom of the Student's t that sizes follow, of the catalogue's typical size: heavy tails, for a cause may
   /// be much larger than is usual.
   double size_dof = 2.0;
-  /// Of what a curve without a name explains [nats]: a name in its channel and along its covariate that explains less may be what
-  /// its shape leaves of an unknown cause, and is not given. One that chooses its shape (a place, a period) fits edges of
-  /// whatever is unknown.
-  double beside_curve = 0.25, beside_curve_chosen = 10.0;
   /// Nats that a name beside other names is worth at least, and by which it is likelier than a curve
   /// of another place instead.
   double beside_names = 3.0, over_curve = 1.5;

@@ -112,18 +112,20 @@ TEST_F(Decide, WhatIsWorthLittleBesideACurveHasNoName) {
   EXPECT_EQ(decided().verdict, Verdict::unexplained);
 }
 
-TEST_F(Decide, ANameStaysBesideACurveOfAnotherPlaceIfItIsWorthThreeNats) {
+TEST_F(Decide, ANameStaysBesideACurveOfItsOwnOrAnotherPlaceIfItIsWorthThreeNats) {
   look_at(with_causes());
-  const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
-  for (const double worth : {2.0, 4.0}) {
-    add({name("settling"), along_range}, 100.0);
-    add({along_range}, 100.0 - worth);
-    add({name("settling")}, 0.0);  // the curve is worth 100 nats
-    const SearchResult result = decided();
-    if (worth < 3.0)
-      EXPECT_EQ(result.verdict, Verdict::unexplained);
-    else
-      EXPECT_EQ(names_of(result), std::vector<std::string>{"settling"});
+  for (const ActiveEffect& beside :
+       {curve(CurveChannel::range, "range", "range"), curve(CurveChannel::bearing, "bearing", "repeat")}) {
+    for (const double worth : {2.0, 4.0}) {
+      add({name("settling"), beside}, 100.0);
+      add({beside}, 100.0 - worth);
+      add({name("settling")}, 0.0);  // the curve is worth 100 nats
+      const SearchResult result = decided();
+      if (worth < 3.0)
+        EXPECT_EQ(result.verdict, Verdict::unexplained);
+      else
+        EXPECT_EQ(names_of(result), std::vector<std::string>{"settling"});
+    }
   }
 }
 
@@ -172,25 +174,6 @@ TEST_F(Decide, ANameThatIsWorthNothingWithoutTheCurveBesideItIsNotGiven) {
   add({along_range}, 70.0);
   add({name("settling")}, 0.0);
   EXPECT_EQ(decided().verdict, Verdict::unexplained);
-}
-
-TEST_F(Decide, ANameIsWorthAQuarterOfACurveInItsPlaceAndTenTimesAsMuchIfItChoosesItsShape) {
-  look_at(with_causes());
-  const auto decided_for = [&](const ActiveEffect& given, const ActiveEffect& along, double worth,
-                               double of_curve) {
-    add({given, along}, 200.0);
-    add({along}, 200.0 - worth);
-    add({given}, 200.0 - of_curve);
-    return decided();
-  };
-  // beam_offset acts on the bearing along 1/d, a function of the distance; settling on it along the repeat, by a time constant.
-  const ActiveEffect bearing = curve(CurveChannel::bearing, "bearing", "range"),
-                     repeat = curve(CurveChannel::bearing, "bearing", "repeat");
-  EXPECT_EQ(names_of(decided_for(name("beam_offset"), bearing, 30.0, 100.0)),
-            std::vector<std::string>{"beam_offset"});
-  EXPECT_EQ(decided_for(name("beam_offset"), bearing, 20.0, 100.0).verdict, Verdict::unexplained);
-  EXPECT_EQ(names_of(decided_for(name("settling"), repeat, 60.0, 5.0)), std::vector<std::string>{"settling"});
-  EXPECT_EQ(decided_for(name("settling"), repeat, 40.0, 5.0).verdict, Verdict::unexplained);
 }
 
 TEST_F(Decide, ANameBesideAStrongOneIsWorthAHundredthOfItOrNotGiven) {

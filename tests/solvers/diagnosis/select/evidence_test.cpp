@@ -102,6 +102,22 @@ TEST_F(Evidence, AParameterThatTheReadingsSayNothingOfCostsNothing) {
       << "a normal prior in place of Student's t, whose density at 0 is 1 / sqrt(8) of the typical size";
 }
 
+TEST_F(Evidence, AParameterThatTheReadingsSayNothingOfLeavesTheOthersAsTheyAre) {
+  // Known as well as given the first, which is known by its prior alone, to 1e-8 of what the readings say of it.
+  const Effect* eccentricity = find_effect("encoder_eccentricity");
+  const double typical = eccentricity->info().parameters[0].typical, unknown = 1e8 * typical,
+               known = 0.01 * typical;
+  const double correlation = 0.9;
+  Eigen::MatrixXd C(2, 2);
+  C << unknown * unknown, correlation * unknown * known, correlation * unknown * known, known * known;
+  const Fit fit = fit_of(eccentricity, Eigen::VectorXd::Zero(2), C);
+  const double density = 1.0 / std::sqrt(8.0);  // of Student's t at 0, in typical sizes
+  EXPECT_NEAR(log_parameter_volume(seed().rows, fit, 0, seed().options, priors),
+              std::log(2.0 * std::numbers::pi * density * density * 0.01 *
+                       std::sqrt(1.0 - correlation * correlation)),
+              1e-6);
+}
+
 TEST_F(Evidence, OfACurveIsTheIntegralOverItsSize) {
   const double c = 0.02, S = 1e-5, tau = c;  // the likeliest of the sizes tried: tau^2 + S = c^2 nearly
   GenericEffect curve(
