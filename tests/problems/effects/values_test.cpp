@@ -85,8 +85,9 @@ std::vector<Case> cases() {
       {"encoder_eccentricity", {0.004, 0.002}, {.bearing = 0.004 * 0.8660254037844386 + 0.001}},
       {"encoder_ellipticity", {0.004, 0.002}, {.bearing = 0.004 * 0.8660254037844386 - 0.001}},
       {"bearing_scale", {0.006}, {.bearing = 0.002 * pi}},  // 0.006 * pi / 3
-      // u = 0.06 / 6 = 0.01: x = -0.005, -0.0045 + 0.05 * 0.000025; 0.01 * 0.8660254038 / 2.12
-      {"sweep_motion", {0.06}, {.range = -0.00449875, .bearing = 0.008660254037844386 / 2.12}},
+      // delta b = atan2(0.8660254038 w, 2.12 - 0.5 w), w = 0.01 + 0.06 delta b / (2 pi): 0.01003925498, 0.004110771421;
+      // hypot(2.12 - 0.5 w, 0.8660254038 w) = 2.114998242574, x = -0.005001757426: -0.004501581683 + 0.05 * 0.0000250175773
+      {"sweep_motion", {0.06}, {.range = -0.00450033080425, .bearing = 0.00411077142072}},
       {"settling", {0.02, 2.0 / half}, {.bearing = -0.01}},  // 2 s after the stop's first: t / T = ln 2
       // z = 0: lambda = sqrt(2 / pi) = 0.7978845608; variance 1 - 2 / pi
       {"dropout", {2.1}, {.range = -0.015957691216, .range_log_variance = std::log(1.0 - 2.0 / pi)}},

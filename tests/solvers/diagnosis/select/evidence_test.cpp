@@ -103,7 +103,8 @@ TEST_F(Evidence, AParameterThatTheReadingsSayNothingOfCostsNothing) {
 }
 
 TEST_F(Evidence, AParameterThatTheReadingsSayNothingOfLeavesTheOthersAsTheyAre) {
-  // Known as well as given the first, which is known by its prior alone, to 1e-8 of what the readings say of it.
+  // Of the first the readings know 1e-8 of what its prior does, which is all that then holds it: the second is known as if the
+  // first were given, and by its own prior.
   const Effect* eccentricity = find_effect("encoder_eccentricity");
   const double typical = eccentricity->info().parameters[0].typical, unknown = 1e8 * typical,
                known = 0.01 * typical;
@@ -112,10 +113,11 @@ TEST_F(Evidence, AParameterThatTheReadingsSayNothingOfLeavesTheOthersAsTheyAre) 
   C << unknown * unknown, correlation * unknown * known, correlation * unknown * known, known * known;
   const Fit fit = fit_of(eccentricity, Eigen::VectorXd::Zero(2), C);
   const double density = 1.0 / std::sqrt(8.0);  // of Student's t at 0, in typical sizes
-  EXPECT_NEAR(log_parameter_volume(seed().rows, fit, 0, seed().options, priors),
-              std::log(2.0 * std::numbers::pi * density * density * 0.01 *
-                       std::sqrt(1.0 - correlation * correlation)),
-              1e-6);
+  const double of_readings = 1e-4 * (1.0 - correlation * correlation);
+  EXPECT_NEAR(
+      log_parameter_volume(seed().rows, fit, 0, seed().options, priors),
+      std::log(2.0 * std::numbers::pi * density * density * std::sqrt(of_readings / (1.0 + of_readings))),
+      1e-7);
 }
 
 TEST_F(Evidence, OfACurveIsTheIntegralOverItsSize) {
