@@ -146,8 +146,8 @@ def main():
     rows = list(rows.values())
     lines = ["""# What came out of every row that was drawn?
 
-Worlds of `docs/proof.md`, each row drawn once, beside other work on two cores. `docs/proof-answers.csv` has every answer, the misses too. The
-intervals are 95 %. Seconds of different rows are not to be compared: the machines were busy. Whether today's program still answers so is
+Worlds of `docs/proof.md`, each row drawn once, two worlds at a time on two cores. `docs/proof-answers.csv` has every answer, the misses too. The
+intervals are 95 %. Rows of different commits were not drawn beside the same other work: their seconds are not to be compared. Whether today's program still answers so is
 checked by `benchmarks/replay.py build/release/apps/rangecal`, which draws the first worlds of each row again.
 
 ## What became of the worlds
