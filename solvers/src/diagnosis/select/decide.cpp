@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "diagnosis/alternation.hpp"
 #include "diagnosis/findings.hpp"
 #include "diagnosis/select/rivals.hpp"
 #include "diagnosis/signatures.hpp"
@@ -99,6 +100,20 @@ std::string along(const EffectInfo& info) {
 bool is_curve_along(const ActiveEffect& member, const EffectInfo& name) {
   const EffectInfo& info = member.effect->info();
   return is_generic(*member.effect) && info.channel == name.channel && along(info) == along(name);
+}
+
+/// What such a curve is worth [nats], in the likeliest set; 0 without one.
+double worth_of_curve_along(const EffectInfo& name, const Hypotheses& table, std::size_t known) {
+  for (const ActiveEffect& member : table.front()->fit.model)
+    if (is_curve_along(member, name)) return worth_of(member, table, known);
+  return 0.0;
+}
+
+/// True if a name may be an edge of an unknown shape: its law jumps at a distance that it chooses, and a curve beside it does the rest.
+bool may_be_an_edge(const ActiveEffect& name, double worth, const Hypotheses& table, std::size_t known,
+                    const SelectionPriors& priors) {
+  return Sides::matter({name}) &&
+         worth < priors.jump_beside_curve * worth_of_curve_along(name.effect->info(), table, known);
 }
 
 /// Nats by which the likeliest set is likelier than the likeliest that has a curve of another place where it has one of its names: one
@@ -230,7 +245,9 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
         : margin_as_it_stands(member, table, known) < -priors.formula_misses * worth
             ? "refused, a curve of its own covariate is likelier than its formula as it stands"
         : worth < least ? "refused, worth too little beside the others"
-                        : nullptr;
+        : may_be_an_edge(member, worth, table, known, priors)
+            ? "refused, it may be an edge of what the curve beside it stands for"
+            : nullptr;
     tell_of(member, worth, probability, against ? against : "kept");
     if (against) continue;
     const double range_error = range_error_of(seed, {member, -1, seed.change({member})});

@@ -12,6 +12,9 @@ struct SelectionPriors {
   /// Degrees of freedom of the Student's t that sizes follow, of the catalogue's typical size: heavy tails, for a cause may
   /// be much larger than is usual.
   double size_dof = 2.0;
+  /// Of what a curve without a name explains [nats]: so much a name of its channel and covariate is worth whose law jumps at a distance
+  /// that it chooses. Less may be an edge of an unknown shape.
+  double jump_beside_curve = 10.0;
   /// Nats that a name beside other names is worth at least, and by which it is likelier than a curve
   /// of another place instead.
   double beside_names = 3.0, over_curve = 1.5;

@@ -176,6 +176,29 @@ TEST_F(Decide, ANameThatIsWorthNothingWithoutTheCurveBesideItIsNotGiven) {
   EXPECT_EQ(decided().verdict, Verdict::unexplained);
 }
 
+TEST_F(Decide, ANameThatJumpsIsWorthTenTimesACurveInItsPlace) {
+  static testing::SeedFit readings(testing::recording_with({{"near_regime", 0.03}}, "Decide.Jump"));
+  look_at(readings);
+  const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
+  ActiveEffect jump = name("near_regime");
+  double least = readings.fit.nll;
+  for (const Eigen::VectorXd& start : jump.effect->start_grid(readings.rows.context))
+    if (const Fit fit = refit(readings.rows, {{jump.effect, start}}, readings.fit.state, readings.options);
+        fit.nll < least)
+      least = fit.nll, jump.parameters = start;
+  ASSERT_LT(least, readings.fit.nll - 10.0);
+  for (const double worth : {40.0, 60.0}) {
+    add({jump, along_range}, 200.0);
+    add({along_range}, 200.0 - worth);
+    add({jump}, 195.0);  // the curve is worth 5 nats
+    const SearchResult result = decided();
+    if (worth < 50.0)
+      EXPECT_EQ(result.verdict, Verdict::unexplained);
+    else
+      EXPECT_EQ(names_of(result), std::vector<std::string>{"near_regime"});
+  }
+}
+
 TEST_F(Decide, ANameBesideAStrongOneIsWorthAHundredthOfItOrNotGiven) {
   look_at(with_causes());
   for (const double worth : {4.0, 12.0}) {
