@@ -20,6 +20,7 @@ class ArcDefinition final : public Effect {
         .id = "arc_definition",
         .number = "R2",
         .kind = EffectKind::mean,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "radius",
         .physics =

@@ -4,7 +4,7 @@
 //   delta r = A sin(k d + psi) = c cos(k d) + s sin(k d)     [m]
 //     k = 2 pi / Lambda [rad/m], Lambda 0.05 ... 2 m, half the modulation wavelength; c = A sin psi, s = A cos psi
 //
-// Acts on the reading, after the curve. The grid steps k by 1 rad over the span of d. Source: Lichti and Licht 2006
+// Acts on the reading, after the curve; d is the light's way, with what effects on the path add. The grid steps k by 1 rad over the span of d. Source: Lichti and Licht 2006
 // (cyclic terms of surveying scanners).
 #include <cmath>
 #include <numbers>
@@ -22,6 +22,7 @@ class CyclicError final : public Effect {
         .id = "cyclic_error",
         .number = "R16",
         .kind = EffectKind::mean,
+        .stage = Stage::light,
         .channel = "range",
         .covariate = "range",
         .physics =
@@ -51,7 +52,8 @@ class CyclicError final : public Effect {
   bool differs_between_repeats() const override { return false; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
-    return {.range = p[0] * std::cos(p[2] * at.d) + p[1] * std::sin(p[2] * at.d)};
+    const double phase = p[2] * (at.d + at.before_light);
+    return {.range = p[0] * std::cos(phase) + p[1] * std::sin(phase)};
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {

@@ -17,6 +17,7 @@ class LandmarkRadius final : public Effect {
         .id = "landmark_radius",
         .number = "R17",
         .kind = EffectKind::mean,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "landmark",
         .physics = "The stated radius of one landmark is wrong.",

@@ -21,6 +21,7 @@ class LandmarkShape final : public Effect {
         .id = "landmark_shape",
         .number = "R15",
         .kind = EffectKind::mean,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "landmark",
         .physics =

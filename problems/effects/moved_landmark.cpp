@@ -24,6 +24,7 @@ class MovedLandmark final : public Effect {
         .id = "moved_landmark",
         .number = "W1",
         .kind = EffectKind::mean,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "landmark",
         .physics = "One landmark was moved during the recording: from one stop on it stands elsewhere.",

@@ -11,7 +11,8 @@
 // sum_n (-1)^n q^(n^2) / (pi n) sin(2 pi n x) pixels with q = exp(-2 pi^2 w^2). A wide spot leaves the first term alone (q = 0.31 at
 // 0.1 px: the second is 1.6 % of it), a point the sawtooth, whose first term is 1 / pi = 0.32 px.
 //
-// Acts on the reading, after the curve. f s / p is 120 m for f s = 720 mm^2 and p = 6 um, 11 m for s = 55
+// Acts on the reading, after the curve; d is where the spot stands for, with what effects on the path and the light add. A cover
+// that lengthens the way of the light by 3 mm shifts a target at 0.6 m by a whole period. f s / p is 120 m for f s = 720 mm^2 and p = 6 um, 11 m for s = 55
 // mm and 5.1 mrad a pixel. Over the span W of 1/d the likelihood's peak in k is about 4 / W wide, so the
 // grid steps by 2 / W: the phase between neighbours, relative to the middle, differs by 1 rad at the ends.
 // Source: derived: the mean of a rounded normal variable; the effect: Shimizu and Okutomi 2002.
@@ -35,6 +36,7 @@ class PixelLocking final : public Effect {
         .number = "R6",
         .kind = EffectKind::mean,
         .carrier = Carrier::light,
+        .stage = Stage::spot,
         .channel = "range",
         .covariate = "disparity",
         .physics =
@@ -63,7 +65,8 @@ class PixelLocking final : public Effect {
   bool differs_between_repeats() const override { return false; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
-    const double phase = p[2] / at.d, cosine = std::cos(phase), sine = std::sin(phase);
+    const double d = at.d + at.before_spot;
+    const double phase = p[2] / d, cosine = std::cos(phase), sine = std::sin(phase);
     const double amplitude = std::hypot(p[0], p[1]), q = std::min(0.5 * amplitude * p[2], 1.0);
     // -A sin(n theta) by Chebyshev's recurrence, theta = k / d + psi; about an amplitude of 0 the first term is all.
     double before = 0.0, wave = p[0] * cosine + p[1] * sine, sum = wave;
@@ -76,15 +79,15 @@ class PixelLocking final : public Effect {
       weight *= step;
       sum += weight / n * wave;
     }
-    return {.range = at.d * at.d * sum};
+    return {.range = d * d * sum};
   }
 
   /// Of no pull, where the first term is all.
   std::optional<ReadingChange<double>> slope(const ReadingView<double>& at, const double* p,
                                              int parameter) const override {
     if (parameter > 1 || p[0] != 0.0 || p[1] != 0.0) return std::nullopt;
-    const double phase = p[2] / at.d;
-    return ReadingChange<double>{.range = at.d * at.d * (parameter == 0 ? std::cos(phase) : std::sin(phase))};
+    const double d = at.d + at.before_spot, phase = p[2] / d;
+    return ReadingChange<double>{.range = d * d * (parameter == 0 ? std::cos(phase) : std::sin(phase))};
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {

@@ -17,6 +17,7 @@ class RadiusScale final : public Effect {
         .id = "radius_scale",
         .number = "R18",
         .kind = EffectKind::mean,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "radius",
         .physics =

@@ -18,6 +18,7 @@ class RangeEccentricity final : public Effect {
         .id = "range_eccentricity",
         .number = "R14",
         .kind = EffectKind::mean,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "sensor_bearing",
         .physics =

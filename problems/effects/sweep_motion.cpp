@@ -26,6 +26,7 @@ class SweepMotion final : public Effect {
         .id = "sweep_motion",
         .number = "B6",
         .kind = EffectKind::mean,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "sensor_bearing",
         .physics =

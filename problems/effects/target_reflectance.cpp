@@ -20,6 +20,7 @@ class TargetReflectance final : public Effect {
         .number = "R9",
         .kind = EffectKind::mean,
         .carrier = Carrier::light,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "landmark",
         .physics =

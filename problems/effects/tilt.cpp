@@ -24,6 +24,7 @@ class Tilt final : public Effect {
         .id = "tilt",
         .number = "R12",
         .kind = EffectKind::mean,
+        .stage = Stage::path,
         .channel = "range",
         .covariate = "sensor_bearing",
         .physics =

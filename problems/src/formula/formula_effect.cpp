@@ -651,6 +651,7 @@ std::unique_ptr<FormulaEffect> formula_effect(const std::string& yaml, const std
     stated.before_curve = acts == "distance";
     if (stated.before_curve && stated.channel.gives != Gives::range)
       top.at("acts").fail("only a change of the range can act on the distance, before the curve");
+    if (stated.before_curve) info.stage = Stage::path;
   }
   std::set<std::string> taken;
   for (const auto& [name, node] : top.at("parameters").entries()) {

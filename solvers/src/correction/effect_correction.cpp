@@ -9,12 +9,15 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <optional>
+#include <utility>
 
 #include "correction/stretches.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/problems/effects/reading_chain.hpp"
 
 namespace rangecal {
 namespace {
@@ -53,9 +56,17 @@ EffectCorrector::EffectCorrector(const Calibration& calibration, std::vector<std
   context_.landmark_count = static_cast<int>(context_.landmark_labels.size());
   context_.landmark_radius_m.assign(context_.landmark_labels.size(), 0.0);
   context_.covariates = std::move(covariates);
+  std::vector<std::pair<std::string, const Effect*>> effects;
   for (const auto& [id, values] : calibration.effects) {
-    const Effect* effect = find_effect(id);
-    if (!effect) throw InputError("the calibration holds the effect " + id + ", which is in no catalogue");
+    effects.emplace_back(id, find_effect(id));
+    if (!effects.back().second)
+      throw InputError("the calibration holds the effect " + id + ", which is in no catalogue");
+  }
+  std::stable_sort(effects.begin(), effects.end(), [](const auto& a, const auto& b) {
+    return a.second->info().stage < b.second->info().stage;
+  });
+  for (const auto& [id, effect] : effects) {
+    const std::map<std::string, double>& values = calibration.effects.at(id);
     const auto& info = effect->info().parameters;
     Eigen::VectorXd p = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(info.size()));
     for (std::size_t j = 0; j < info.size(); ++j) {
@@ -101,14 +112,22 @@ ReadingView<double> EffectCorrector::view(double d, const ReadingSetting& settin
 }
 
 ReadingChange<double> EffectCorrector::change(double d, const ReadingSetting& setting) const {
-  const ReadingView<double> at = view(d, setting);
-  ReadingChange<double> sum;
-  for (const Active& active : active_) {
-    const ReadingChange<double> own = active.effect->reading(at, active.parameters.data());
-    sum.range += own.range;
-    sum.range_log_variance += own.range_log_variance;
-  }
-  return sum;
+  return changed_by(active_, view(d, setting));
+}
+
+ReadingChange<double> EffectCorrector::changed_by(const std::vector<Active>& effects,
+                                                  const ReadingView<double>& at) {
+  ReadingChain chain;
+  for (const Active& active : effects) chain.add(*active.effect, active.parameters.data(), at);
+  return chain.sum();
+}
+
+ReadingView<double> EffectCorrector::seen_by(const Active& active, const ReadingView<double>& at) const {
+  ReadingChain chain;
+  for (const Active& earlier : active_)
+    if (earlier.effect->info().stage < active.effect->info().stage)
+      chain.add(*earlier.effect, earlier.parameters.data(), at);
+  return chain.seen(at);
 }
 
 Eigen::VectorXd EffectCorrector::slopes_in_alpha(double d, const ReadingSetting& setting) const {
@@ -121,10 +140,7 @@ Eigen::VectorXd EffectCorrector::slopes_in_alpha(double d, const ReadingSetting&
       ReadingView<double> there = at;
       there.*value += h;
       there.spread = calibration_.noise.spread(d, there.f);
-      double sum = 0.0;
-      for (const Active& active : active_)
-        sum += active.effect->reading(there, active.parameters.data()).range;
-      return sum;
+      return changed_by(active_, there).range;
     };
     return (range(step) - range(-step)) / (2.0 * step);
   };
@@ -150,11 +166,10 @@ std::optional<double> EffectCorrector::mean_variance(double d, const ReadingSett
   h.head(calibration_.alpha.size()) = slopes_in_alpha(d, setting);
   const ReadingView<double> at = view(d, setting);
   for (const Estimated& estimated : estimated_) {
-    const Active& active = active_[estimated.active];
     const auto range = [&](double step) {
-      Eigen::VectorXd p = active.parameters;
-      p[estimated.parameter] += step;
-      return active.effect->reading(at, p.data()).range;
+      std::vector<Active> effects = active_;
+      effects[estimated.active].parameters[estimated.parameter] += step;
+      return changed_by(effects, at).range;
     };
     h[estimated.row] = (range(estimated.step) - range(-estimated.step)) / (2.0 * estimated.step);
   }
@@ -208,8 +223,9 @@ MeanReading EffectCorrector::mean_reading(const ReadingSetting& setting) const {
   MeanReading mean{calibration_, {}, {}};
   for (const Active& active : active_) {
     const double* p = active.parameters.data();
-    mean.changes.push_back(
-        [this, &active, &setting, p](double d) { return active.effect->reading(view(d, setting), p).range; });
+    mean.changes.push_back([this, &active, &setting, p](double d) {
+      return active.effect->reading(seen_by(active, view(d, setting)), p).range;
+    });
     if (const double jump = active.effect->switching_distance(p); std::isfinite(jump))
       mean.jumps.push_back(jump);
   }

@@ -95,7 +95,8 @@ void Scoring::add_slopes_of_effects(const Point& point, const CellGeometry& geom
         slope.range = (high.range - low.range) / (2.0 * probe.step);
         slope.range_log_variance = (high.range_log_variance - low.range_log_variance) / (2.0 * probe.step);
       }
-      means(i, probe.place) = slope.range;
+      means(i, probe.place) =
+          geometry.stages.gain(effect.info().stage, rows_.cell[static_cast<std::size_t>(i)]) * slope.range;
       spreads(i, probe.place) = 0.5 * slope.range_log_variance;
     }
   }
@@ -103,8 +104,9 @@ void Scoring::add_slopes_of_effects(const Point& point, const CellGeometry& geom
 
 ScoringSlopes Scoring::at(const Point& point) const {
   const auto n = static_cast<Eigen::Index>(rows_.size());
-  const CellGeometry geometry = cell_geometry(rows_, point.state);
   const WorkingProblem& working = point.working;
+  CellGeometry geometry = cell_geometry(rows_, point.state);
+  geometry.stages = working.stages;
   Columns means = Columns::Zero(n, count()), spreads = means;  // slopes of f / s, of ln s
   const double power = geometry.spread_power;
   for (Eigen::Index i = 0; i < n; ++i) {

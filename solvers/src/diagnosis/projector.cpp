@@ -73,6 +73,7 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
       problem_(with_held_spreads(working.problem, geometry_)),
       system_(problem_, static_cast<int>(state.alpha.size()), 1),
       only_alpha_(rows.pairs && knows_its_stops(system_.layout())) {
+  geometry_.stages = working.stages;
   const JointProblem& problem = working.problem;
   const Cells& c = problem.cells;
   const int cells = static_cast<int>(c.size());

@@ -4,6 +4,7 @@
 
 #include "diagnosis/alternation.hpp"
 #include "diagnosis/working.hpp"
+#include "rangecal/problems/effects/reading_chain.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -67,6 +68,41 @@ Dependence dependence_of(const Model& model) {
   return sum;
 }
 
+Model in_order_of_stages(Model model) {
+  std::stable_sort(model.begin(), model.end(), [](const ActiveEffect& a, const ActiveEffect& b) {
+    return a.effect->info().stage < b.effect->info().stage;
+  });
+  return model;
+}
+
+Stages stages_of(const Rows& rows, const CellGeometry& geometry, const Model& model) {
+  Model before_number = in_order_of_stages(model);
+  std::erase_if(before_number, [](const ActiveEffect& active) {
+    return active.effect->info().stage == Stage::number || active.effect->differs_between_repeats();
+  });
+  Stages stages;
+  if (before_number.empty()) return stages;
+  const auto cells = static_cast<std::size_t>(rows.cell_count);
+  for (auto* column : {&stages.before_light, &stages.before_spot, &stages.path_gain, &stages.light_gain})
+    column->resize(cells);
+  for (std::size_t c = 0; c < cells; ++c) {
+    const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[c]));
+    ReadingChain chain;
+    double of_light = 0.0, of_spot = 0.0;  // slopes in d of what effects of these stages add
+    for (const ActiveEffect& active : before_number) {
+      const Stage stage = active.effect->info().stage;
+      if (stage == Stage::light) of_light += effect_slope_of(active, chain.seen(view));
+      if (stage == Stage::spot) of_spot += effect_slope_of(active, chain.seen(view));
+      chain.add(*active.effect, active.parameters.data(), view);
+    }
+    stages.before_light[c] = chain.seen(view).before_light;
+    stages.before_spot[c] = chain.seen(view).before_spot;
+    stages.light_gain[c] = 1.0 + of_spot;
+    stages.path_gain[c] = (1.0 + of_light) * stages.light_gain[c];
+  }
+  return stages;
+}
+
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model,
                        const Sides* sides) {
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
@@ -78,18 +114,15 @@ RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Mod
   for (std::size_t e = 0; e < model.size(); ++e)
     if (const Effect& effect = *model[e].effect; changes_readings(effect))
       (effect.differs_between_repeats() ? of_rows : of_cells).push_back(e);
+  std::stable_sort(of_cells.begin(), of_cells.end(), [&](std::size_t a, std::size_t b) {
+    return model[a].effect->info().stage < model[b].effect->info().stage;
+  });
   const auto change_at = [&](const std::vector<std::size_t>& effects, int cell, int row) {
     const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(row));
-    ReadingChange<double> sum;
-    for (const std::size_t e : effects) {
-      const auto change =
-          model[e].effect->reading(sides ? sides->seen_by(e, cell, view) : view, model[e].parameters.data());
-      sum.range += change.range;
-      sum.bearing += change.bearing;
-      sum.range_log_variance += change.range_log_variance;
-      sum.bearing_log_variance += change.bearing_log_variance;
-    }
-    return sum;
+    ReadingChain chain;
+    for (const std::size_t e : effects)
+      chain.add(*model[e].effect, model[e].parameters.data(), sides ? sides->seen_by(e, cell, view) : view);
+    return chain.sum();
   };
   for (int c = 0; c < rows.cell_count && of_cells.size() + of_rows.size() > 0; ++c) {
     const int begin = rows.cell_begin[c], end = rows.cell_begin[c + 1];

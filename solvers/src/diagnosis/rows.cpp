@@ -429,6 +429,10 @@ ReadingView<double> view_of(const Rows& rows, const CellGeometry& g, std::size_t
   view.curvature = g.curvature[c];
   view.spread = g.spread[c];
   view.spread_power = g.spread_power;
+  if (!g.stages.before_light.empty()) {
+    view.before_light = g.stages.before_light[c];
+    view.before_spot = g.stages.before_spot[c];
+  }
   view.radius = rows.radius_m[i];
   view.heading = rows.heading_rad[i];
   view.time_s = rows.time_s[i];

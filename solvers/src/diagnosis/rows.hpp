@@ -67,6 +67,19 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve = {
 /// file opens them.
 std::vector<std::size_t> row_order(const Recording& recording);
 
+/// What effects of one stage do to those of the next, per cell; empty where nothing depends on it.
+struct Stages {
+  std::vector<double> before_light,
+      before_spot;  ///< what earlier ones add to the range, as effects see it [m]
+  std::vector<double> path_gain,
+      light_gain;  ///< change of the reading per change of the range by an effect there
+  /// That of an effect of this stage.
+  double gain(Stage stage, int cell) const {
+    if (path_gain.empty() || stage > Stage::light) return 1.0;
+    return (stage == Stage::path ? path_gain : light_gain)[static_cast<std::size_t>(cell)];
+  }
+};
+
 /// Geometry and model of every cell under a state.
 struct CellGeometry {
   std::vector<double> d, axis_distance, bearing, f, slope, curvature, spread;  ///< slopes in d
@@ -74,6 +87,7 @@ struct CellGeometry {
   int spread_power = 0;                                                        ///< of the noise law in f
   double sigma_theta_rad = 0.0;                                                ///< of every bearing
   std::vector<Eigen::Vector2d> n, t;  ///< unit vector stop -> landmark, and across (world frame)
+  Stages stages;                      ///< of the model's effects, where they were asked for
 };
 CellGeometry cell_geometry(const Rows& rows, const JointState& state);
 

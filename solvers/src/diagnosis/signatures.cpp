@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "rangecal/problems/effects/reading_chain.hpp"
+
 namespace rangecal::diagnosis {
 namespace {
 
@@ -47,21 +49,18 @@ struct Space::Changes {
   Eigen::VectorXd range_variance, bearing_variance;
 };
 
-Space::Changes Space::changes(const Model& model) const {
+Space::Changes Space::changes(const Model& unordered) const {
+  const Model model = in_order_of_stages(unordered);
   const Rows& rows = rows_;
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   const auto at = [&](int i) {
-    ReadingChange<double> sum;
+    ReadingChain chain;
     const ReadingView<double> view = view_of(rows, geometry_, static_cast<std::size_t>(i));
     for (const ActiveEffect& active : model) {
       if (muted_from_ >= 0 && view.stop >= muted_from_ && muted_.count(active.effect->info().id)) continue;
-      const auto change = active.effect->reading(view, active.parameters.data());
-      sum.range += change.range;
-      sum.bearing += change.bearing;
-      sum.range_log_variance += change.range_log_variance;
-      sum.bearing_log_variance += change.bearing_log_variance;
+      chain.add(*active.effect, active.parameters.data(), view);
     }
-    return sum;
+    return chain.sum();
   };
   const auto same = [](const ReadingChange<double>& a, const ReadingChange<double>& b) {
     return std::abs(a.range - b.range) + std::abs(a.bearing - b.bearing) +

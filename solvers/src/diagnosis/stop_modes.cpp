@@ -280,7 +280,8 @@ bool move_places(const JointProblem& problem, JointState& state, const MoveOf& m
 bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingProblem& working,
                           ModeSearch search, JointState& state) {
   const JointProblem& problem = working.problem;
-  const CellGeometry geometry = cell_geometry(rows, state);
+  CellGeometry geometry = cell_geometry(rows, state);
+  geometry.stages = working.stages;
   const OscillatingEffects oscillating = oscillating_effects(rows, model, working, geometry, nullptr);
   if (oscillating.effects.empty()) return false;
   std::vector<OscillatingPlace> places(static_cast<std::size_t>(problem.place_count));
@@ -301,7 +302,8 @@ bool follow_oscillation(const Rows& rows, const Model& model, const WorkingProbl
                         JointState& state) {
   constexpr double straight = 0.01;  // sum of the squares, in units of the cells' errors
   const JointProblem& problem = working.problem;
-  const CellGeometry geometry = cell_geometry(rows, state);
+  CellGeometry geometry = cell_geometry(rows, state);
+  geometry.stages = working.stages;
   std::vector<double> off(static_cast<std::size_t>(problem.place_count), 0.0);
   std::vector<std::vector<int>> cells(off.size());
   for (int c = 0; c < rows.cell_count; ++c) {

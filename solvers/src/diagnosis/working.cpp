@@ -37,7 +37,8 @@ double effect_slope_of_cell(const Rows& rows, const CellGeometry& geometry, cons
   const ReadingView<double> here = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[cell]));
   double effect_slope = 0.0;
   for (std::size_t e = 0; e < model.size(); ++e)
-    effect_slope += effect_slope_of(model[e], sides ? sides->seen_by(e, cell, here) : here);
+    effect_slope += geometry.stages.gain(model[e].effect->info().stage, cell) *
+                    effect_slope_of(model[e], sides ? sides->seen_by(e, cell, here) : here);
   return effect_slope;
 }
 
@@ -212,7 +213,8 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   WorkingProblem working;
   working.problem = rows.problem;
   working.constant = rows.nll_offset;
-  const CellGeometry geometry = cell_geometry(rows, state);
+  CellGeometry geometry = cell_geometry(rows, state);
+  geometry.stages = working.stages = stages_of(rows, geometry, model);
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   working.range = Eigen::Map<const Eigen::VectorXd>(rows.range_m.data(), n);
   working.bearing.setZero(n);
@@ -340,19 +342,21 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
   Signature x;
   const auto slope_at = [&](int i, double& range, double& bearing, const CellGeometry& geometry) {
     const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(i));
+    const double gain =
+        geometry.stages.gain(active.effect->info().stage, rows.cell[static_cast<std::size_t>(i)]);
     if (const auto slope = active.effect->slope(view, active.parameters.data(), index)) {
-      range = slope->range;
+      range = gain * slope->range;
       bearing = slope->bearing;
       return;
     }
     const auto high = active.effect->reading(view, up.parameters.data());
     if (odd) {
-      range = high.range / step;
+      range = gain * high.range / step;
       bearing = high.bearing / step;
       return;
     }
     const auto low = active.effect->reading(view, down.parameters.data());
-    range = (high.range - low.range) / (2.0 * step);
+    range = gain * (high.range - low.range) / (2.0 * step);
     bearing = (high.bearing - low.bearing) / (2.0 * step);
   };
   // Of an effect that may differ between the repeats of a cell its first, second and last row tell whether it does.

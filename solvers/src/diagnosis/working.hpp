@@ -70,6 +70,12 @@ struct RowChanges {
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model,
                        const Sides* sides = nullptr);
 
+/// The effects of the path first.
+Model in_order_of_stages(Model model);
+/// The stages of a model's effects: those on the path and the light, evaluated at the first row of each cell. Empty where no effect is
+/// of an earlier stage than the readings' own.
+Stages stages_of(const Rows& rows, const CellGeometry& geometry, const Model& model);
+
 /// The laws of rows' errors under the model's tail effects, empty without one. Of a row with the shares of the row before, the
 /// sizes alone are set anew.
 class TailLaws {

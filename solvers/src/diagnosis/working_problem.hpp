@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 
+#include "diagnosis/rows.hpp"
 #include "diagnosis/whitening.hpp"
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 
@@ -32,6 +33,7 @@ struct WorkingProblem {
     return range_with_tail(row) - (tail_centre.size() > 0 ? tail_centre[row] : 0.0);
   }
   Whitening range_whitening, bearing_whitening;
+  Stages stages;        ///< of the model's effects
   SerialErrors serial;  ///< of readings in a sequence: how their errors, as weighted, depend on one another
   Eigen::VectorXd range_deviation, bearing_deviation;  ///< white, from the cell means [m], [rad]
 };

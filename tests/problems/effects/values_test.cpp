@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "problems/effects/example.hpp"
+#include "rangecal/problems/effects/reading_chain.hpp"
 
 namespace rangecal {
 namespace {
@@ -436,6 +437,20 @@ TEST(EffectValues, PixelLockingIsTheCentroidOfWholePixels) {
           << w << " px, " << d << " m";
     }
   }
+}
+
+TEST(EffectValues, AWobbleIsOfTheWayThatEarlierStagesLeave) {
+  // A cover adds 3 mm to the way of 0.6 m; crosstalk of the wavelength 0.603 m, at its crest, 2 mm; the spot then stands for
+  // 0.605 m, 200 pixels' periods.
+  ReadingView<double> at;
+  at.d = 0.6, at.bearing = 0.0;
+  const std::vector<std::pair<const char*, std::vector<double>>> effects{
+      {"range_eccentricity", {0.003, 0.0}},
+      {"cyclic_error", {0.002, 0.0, 2.0 * pi / 0.603}},
+      {"pixel_locking", {1e-5, 0.0, 200.0 * 2.0 * pi * 0.605}}};
+  ReadingChain chain;
+  for (const auto& [id, p] : effects) chain.add(*find_effect(id), p.data(), at);
+  EXPECT_NEAR(chain.sum().range, 0.003 + 0.002 + 1e-5 * 0.605 * 0.605, 1e-11);
 }
 
 TEST(EffectValues, GridsRoundAndOthersDoNot) {

@@ -96,6 +96,22 @@ TEST(EffectCorrector, APullToPixelCentresFoldsNothing) {
   }
 }
 
+TEST(EffectCorrector, APullOfTheSpotIsOfTheWayThatACoverLeaves) {
+  // The cover adds 3 mm: 0.6 m stands for 0.603 m there, 200 pixels' periods, where the pull is at its crest.
+  const double k = 200.0 * 2.0 * std::numbers::pi * 0.603;
+  Calibration c =
+      straight("pixel_locking", {{"cosine_per_m", 1e-4}, {"sine_per_m", 0.0}, {"wavenumber_m", k}});
+  c.effects["range_eccentricity"] = {{"cosine_m", 0.003}, {"sine_m", 0.0}};
+  ReadingSetting ahead;
+  ahead.bearing_rad = 0.0;
+  const EffectCorrector corrector(c, {});
+  const double y = 0.603 + 1e-4 * 0.603 * 0.603;
+  EXPECT_NEAR(corrector.at(0.6, ahead).mean_m, y, 1e-10);
+  const Correction corrected = corrector.correct(y, ahead);
+  ASSERT_EQ(corrected.least_squares.size(), 1u);
+  EXPECT_NEAR(corrected.least_squares[0].distance_m, 0.6, 1e-8);
+}
+
 TEST(EffectCorrector, StandardDeviationsFollowTheSlopeOfTheEffectToo) {
   // A scale of -0.6 leaves f' = 0.4: 1 mm of the reading is 2.5 mm of distance, and f(2.5 m) = 1 m.
   const Calibration scaled = straight("range_scale", {{"scale", -0.6}, {"form", 0.0}});

@@ -86,6 +86,33 @@ TEST(Working, TheSlopeInDistanceIsThatOfTheFastestSwing) {
   }
 }
 
+TEST(Working, ACoverTurnsThePullOfTheSpotToo) {
+  // The pull's slope in d is up to 0.76, its own: what the cover adds to the range changes by 1 + that.
+  const NearScene scene;
+  const Model model{{find_effect("pixel_locking"), Eigen::Vector3d(3e-4, -2.6e-4, near_wavenumber)},
+                    {find_effect("range_eccentricity"), Eigen::Vector2d(0.004, -0.003)}};
+  const Projector projector(scene.rows, working_problem(scene.rows, model, scene.truth), scene.truth);
+  const CellGeometry geometry = cell_geometry(scene.rows, scene.truth);
+  double most = 0.0;
+  for (const int index : {0, 1}) {
+    constexpr double step = 1e-7;
+    Model up = model, down = model;
+    up[1].parameters[index] += step;
+    down[1].parameters[index] -= step;
+    const Eigen::VectorXd slope =
+        (row_changes(scene.rows, geometry, up).range - row_changes(scene.rows, geometry, down).range) /
+        (2.0 * step);
+    const Signature x = effect_signature(scene.rows, projector, model[1], index);
+    for (int c = 0; c < scene.rows.cell_count; ++c) {
+      EXPECT_NEAR(x.range[c], slope[scene.rows.cell_begin[c]],
+                  2e-3);  // 2 A d of the slope is of the amplitude d^2
+      const double bearing = geometry.bearing[static_cast<std::size_t>(c)];
+      most = std::max(most, std::abs(x.range[c] - (index == 0 ? std::cos(bearing) : std::sin(bearing))));
+    }
+  }
+  EXPECT_GT(most, 0.3) << "far from what it is alone";
+}
+
 TEST(Working, BesideAJumpTheSlopeIsThatOfTheOwnSide) {
   const Effect& effect = *find_effect("near_regime");
   const ActiveEffect active{&effect, Eigen::Vector3d(0.005, 0.1, 0.8)};  // 5 mm and a tenth below 0.8 m

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -36,29 +37,6 @@ std::vector<double> probabilities(const Hypotheses& table) {
   }
   for (double& value : p) value /= total;
   return p;
-}
-
-/// Of a name of the likeliest set, its class's: exact twins, and effects that stand in its place at nearly the same
-/// probability, from which this recording cannot tell it.
-double probability_of(const ActiveEffect& member, const Hypotheses& table, const std::vector<double>& p,
-                      std::size_t known, double gap) {
-  const std::string& id = member.effect->info().id;
-  std::vector<std::string> alike = exact_twins_of(id);
-  alike.push_back(id);
-  std::vector<std::string> others = member_names(table.front()->fit.model, known);
-  std::erase(others, id);
-  double sum = 0.0;
-  for (std::size_t i = 0; i < table.size(); ++i) {
-    const std::vector<std::string> names = member_names(table[i]->fit.model, known);
-    const bool in_place = names.size() == others.size() + 1 &&
-                          std::includes(names.begin(), names.end(), others.begin(), others.end()) &&
-                          table.front()->log_posterior - table[i]->log_posterior < gap;
-    if (in_place || std::any_of(alike.begin(), alike.end(), [&](const std::string& one) {
-          return contains(table[i]->fit.model, find_effect(one));
-        }))
-      sum += p[i];
-  }
-  return sum;
 }
 
 /// Of the sets that hold nothing but these members, the one that gains most.
@@ -202,6 +180,45 @@ double gap_to(const Candidate& best, const Candidate& other) {
   return gap < not_far && by_aic < by_chance ? std::min(gap, std::max(0.0, by_aic)) : gap;
 }
 
+/// The sets that are listed beside the likeliest as what the recording cannot tell from it, by index in the table: of its size, and another
+/// in one member.
+std::vector<std::size_t> listed_beside_likeliest(const Rows& rows, const Hypotheses& table, std::size_t known,
+                                                 const DiagnoseOptions& options, const JointState& seed) {
+  const Hypothesis& best = *table.front();
+  const std::vector<std::string> own = member_names(best.fit.model, known);
+  std::vector<std::size_t> listed;
+  for (std::size_t i = 1; i < table.size(); ++i) {
+    const Hypothesis& other = *table[i];
+    const std::vector<std::string> names = member_names(other.fit.model, known);
+    std::vector<std::string> shared;
+    std::set_intersection(own.begin(), own.end(), names.begin(), names.end(), std::back_inserter(shared));
+    if (names.size() != own.size() || shared.size() + 1 != own.size()) continue;
+    const double gap = gap_to(candidate_of(best, 0.0, 0.0), candidate_of(other, 0.0, 0.0));
+    if (gap < std::max(1.0, options.naming_gap_nats) &&
+        gap < tolerated_gap(rows, options, seed, best.fit.model, other.fit.model))
+      listed.push_back(i);
+  }
+  return listed;
+}
+
+/// Of a name of the likeliest set, its class's: exact twins, and what is listed as standing in its place.
+double probability_of(const ActiveEffect& member, const Hypotheses& table, const std::vector<double>& p,
+                      const std::vector<std::size_t>& listed) {
+  const std::string& id = member.effect->info().id;
+  std::vector<std::string> alike = exact_twins_of(id);
+  alike.push_back(id);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const Model& model = table[i]->fit.model;
+    const bool in_place =
+        !contains(model, member.effect) && std::find(listed.begin(), listed.end(), i) != listed.end();
+    if (in_place || std::any_of(alike.begin(), alike.end(),
+                                [&](const std::string& one) { return contains(model, find_effect(one)); }))
+      sum += p[i];
+  }
+  return sum;
+}
+
 /// Members of the likeliest set that have a name.
 struct Named {
   Model model;
@@ -211,8 +228,9 @@ struct Named {
 /// Those whose class has half of the probability, less what may be confounded with a curve, or a formula for another shape; the
 /// one that costs most in a corrected range first.
 Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<double>& p, std::size_t known,
-               const DiagnoseOptions& options, const SelectionPriors& priors) {
+               const DiagnoseOptions& options, const SelectionPriors& priors, const JointState& seed_state) {
   const Fit& fit = table.front()->fit;
+  const std::vector<std::size_t> listed = listed_beside_likeliest(rows, table, known, options, seed_state);
   const bool beside_others = fit.model.size() > known + 1;
   std::vector<double> worths(fit.model.size());
   double strongest = 0.0;  // the most that a formula for means is worth
@@ -237,7 +255,7 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
     const ActiveEffect& member = fit.model[i];
     if (is_generic(*member.effect)) continue;
     const double worth = worths[i];
-    const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
+    const double probability = probability_of(member, table, p, listed);
     const char* const against =
         probability < 0.5 ? "refused, another name is as probable"
         : margin_over_curve(member, table, known) < priors.over_curve
@@ -358,7 +376,7 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
                      set_in_words(member_names(best.fit.model, known)), p.front()));
   result.verdict = Verdict::unexplained;
 
-  Named named = named_of(rows, table, p, known, options, priors);
+  Named named = named_of(rows, table, p, known, options, priors, result.baseline.state);
   Model names(root.model.begin(), root.model.begin() + static_cast<std::ptrdiff_t>(known));
   names.insert(names.end(), named.model.begin(), named.model.end());
   Candidate answer = candidate_of(best, p.front(), result.baseline.nll);

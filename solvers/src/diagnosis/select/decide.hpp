@@ -8,8 +8,8 @@ namespace rangecal::diagnosis {
 /// Sets the verdict of `result` from the sets that were fitted, the likeliest first. `root`: the seed model with what
 /// bookkeeping found.
 ///
-///   names     of the likeliest set, each of probability 0.5 or more over all sets (its class's: exact twins, and what stands
-///             in its place at nearly the same probability), none that a curve without a name is confounded with, and
+///   names     of the likeliest set, each of probability 0.5 or more over all sets (its class's: exact twins, and what is
+///             listed as standing in its place), none that a curve without a name is confounded with, and
 ///             no formula that a curve along its own covariate improves by much; the one that
 ///             costs most in a corrected range first
 ///   rest      what its curves without a name carry, and what its residuals hold at a corrected p below the rate at which

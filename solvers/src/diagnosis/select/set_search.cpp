@@ -51,8 +51,10 @@ constexpr double most_lost = 60.0;
 constexpr int most_completions = 3;
 /// What an exact fit and refining have added to a gain at most: nats, and a share of the gain.
 constexpr double refining_adds = 5.0, refining_share = 0.2;
-/// Nats below the likeliest set down to which the sets that lack one of its members are refined too.
+/// Nats below the likeliest set down to which other sets are looked at once more.
 constexpr double near_the_top = 15.0;
+/// The same of those that lack one of its members: at another period a member may be worth tens of nats that stands for nothing.
+constexpr double near_without_one = 40.0;
 /// Nats by which other optima make a set likelier, for it to be scanned once more.
 constexpr double worth_another_scan = 2.0;
 /// The share of what a member is worth by which the linearised problem may be off about another one in its place.
@@ -432,16 +434,16 @@ class SetSearch {
   bool refine_likeliest() {
     Hypothesis& top = likeliest();
     std::vector<Hypothesis*> open;
-    const auto take = [&](Hypothesis* h) {
+    const auto take = [&](Hypothesis* h, double nats) {
       const bool many = h && std::any_of(h->fit.model.begin(), h->fit.model.end(),
                                          [](const ActiveEffect& a) { return has_many_optima(*a.effect); });
-      if (many && !h->refined && h->log_posterior > top.log_posterior - near_the_top) open.push_back(h);
+      if (many && !h->refined && h->log_posterior > top.log_posterior - nats) open.push_back(h);
     };
-    take(&top);
+    take(&top, near_the_top);
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i)
-      take(find(member_names(without(top.fit.model, i), known_count())));
+      take(find(member_names(without(top.fit.model, i), known_count())), near_without_one);
     for (Hypothesis* close : likeliest_within(refining_adds))
-      if (std::find(open.begin(), open.end(), close) == open.end()) take(close);
+      if (std::find(open.begin(), open.end(), close) == open.end()) take(close, near_the_top);
     std::vector<std::unique_ptr<Hypothesis>> made(open.size());
     in_parallel(
         open.size(),

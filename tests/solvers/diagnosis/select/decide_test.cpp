@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <utility>
 
 #include "diagnosis/generic_effect.hpp"
@@ -165,6 +166,19 @@ TEST_F(Decide, NamesThatFitAsWellBesideTheSameCurveAreRivals) {
   EXPECT_EQ(names_of(result), std::vector<std::string>{"settling"});
   ASSERT_EQ(result.rivals.size(), 1u);
   EXPECT_EQ(ids_of(result.rivals[0].fit.model), std::vector<std::string>{"beam_offset"});
+}
+
+TEST_F(Decide, ANameHasTheProbabilityOfWhatIsListedAndNoMore) {
+  // One nat less likely, and these readings could tell the two apart: it is not listed, and its share is against the name.
+  look_at(with_causes());
+  add({name("settling")}, 100.0);
+  add({name("beam_offset")}, 99.0);
+  add({}, 50.0);
+  const SearchResult result = decided();
+  EXPECT_EQ(names_of(result), std::vector<std::string>{"settling"});
+  EXPECT_TRUE(result.rivals.empty());
+  ASSERT_EQ(result.members.size(), 1u);
+  EXPECT_NEAR(result.members[0].probability, 1.0 / (1.0 + std::exp(-1.0)), 1e-9);
 }
 
 TEST_F(Decide, ANameThatIsWorthNothingWithoutTheCurveBesideItIsNotGiven) {

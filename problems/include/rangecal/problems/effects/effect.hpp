@@ -58,16 +58,26 @@ struct SettledOfPairs {
   std::string otherwise = {};  ///< what to say where it offers none of them; empty: what is said of landmarks
 };
 
+/// Where between the surface and the number an effect acts. One that wobbles with distance does so with the distance that the effects of
+/// earlier stages leave.
+enum class Stage {
+  path,  ///< how far the light goes: a cover, the depth at which a surface scatters it, where the landmark stands
+  light,  ///< what it is mixed with on the way
+  spot,   ///< where the detector takes the spot of light to be
+  number  ///< what is made of that
+};
+
 struct EffectInfo {
   std::string id;           ///< "range_eccentricity"; of an effect along a column "covariate_drift:supply_v"
   std::string number = {};  ///< by which code cites docs/effects.md, "R14"; may be empty
   EffectKind kind = EffectKind::mean;
   Carrier carrier =
-      Carrier::not_known;  ///< light: it needs a lens or a beam; not_known: any sensor may have it
-  std::string channel;     ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
-  std::string covariate;   ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
-  std::string physics;     ///< one sentence a person can act on
-  std::string formula;     ///< with symbols and units
+      Carrier::not_known;       ///< light: it needs a lens or a beam; not_known: any sensor may have it
+  Stage stage = Stage::number;  ///< where it acts
+  std::string channel;          ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
+  std::string covariate;        ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
+  std::string physics;          ///< one sentence a person can act on
+  std::string formula;          ///< with symbols and units
   /// The change as a formula of docs/effects-by-formula.md, of one reading's d, f, b, ... and the parameters less their units
   /// ("cosine*cos(b) + sine*sin(b)"); empty where it is none.
   std::string expression = {};
@@ -118,18 +128,20 @@ struct EffectContext {
 /// One reading as its effects see it; geometry under the current estimate.
 template <typename T>
 struct ReadingView {
-  T d;                    ///< true distance to the surface [m]
-  T axis_distance;        ///< to the axis [m]
-  T bearing;              ///< predicted direction in the sensor frame [rad], (-pi, pi]
-  T f, slope;             ///< f(d) [m], f'(d)
-  T curvature;            ///< f''(d) [1/m]
-  T spread;               ///< standard deviation of the reading [m]
-  int spread_power = 0;   ///< p of the noise law s = sigma |f|^p
-  double radius = 0.0;    ///< of the landmark [m]
-  double heading = 0.0;   ///< of the stop, commanded [rad]
-  double time_s = 0.0;    ///< since the first reading; 0 without times
-  double time = 0.0;      ///< the same scaled to 0 .. 1 over the recording
-  double rate_mps = 0.0;  ///< of the true distance of kind pairs; 0 where it is not known
+  T d;                        ///< true distance to the surface [m]
+  T axis_distance;            ///< to the axis [m]
+  T bearing;                  ///< predicted direction in the sensor frame [rad], (-pi, pi]
+  T f, slope;                 ///< f(d) [m], f'(d)
+  T curvature;                ///< f''(d) [1/m]
+  T spread;                   ///< standard deviation of the reading [m]
+  double before_light = 0.0;  ///< what effects on the path add to the range [m]
+  double before_spot = 0.0;   ///< what effects on the path and on the light add to it [m]
+  int spread_power = 0;       ///< p of the noise law s = sigma |f|^p
+  double radius = 0.0;        ///< of the landmark [m]
+  double heading = 0.0;       ///< of the stop, commanded [rad]
+  double time_s = 0.0;        ///< since the first reading; 0 without times
+  double time = 0.0;          ///< the same scaled to 0 .. 1 over the recording
+  double rate_mps = 0.0;      ///< of the true distance of kind pairs; 0 where it is not known
   int stop = 0, landmark = 0, repeat = 0;
   const double* covariate = nullptr;  ///< values by EffectContext::covariates; NaN where empty
   const EffectContext* context = nullptr;

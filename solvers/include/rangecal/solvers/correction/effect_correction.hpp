@@ -84,6 +84,10 @@ class EffectCorrector {
   };
   ReadingView<double> view(double d, const ReadingSetting& setting) const;
   ReadingChange<double> change(double d, const ReadingSetting& setting) const;
+  /// What effects in the order of their stages change together.
+  static ReadingChange<double> changed_by(const std::vector<Active>& effects, const ReadingView<double>& at);
+  /// The view with what effects of earlier stages add.
+  ReadingView<double> seen_by(const Active& active, const ReadingView<double>& at) const;
   /// d g(d) / d alpha_i: u^i, u the scaled distance of the curve, and what the effects that come before the curve make of it.
   Eigen::VectorXd slopes_in_alpha(double d, const ReadingSetting& setting) const;
   /// var g(d) of the class [m^2]; none where the calibration has no covariance.
@@ -96,7 +100,7 @@ class EffectCorrector {
 
   const Calibration& calibration_;
   EffectContext context_;
-  std::vector<Active> active_;
+  std::vector<Active> active_;  ///< in the order of their stages
   std::vector<Estimated> estimated_;
 };
 
