@@ -53,8 +53,9 @@ constexpr int most_completions = 3;
 constexpr double refining_adds = 5.0, refining_share = 0.2;
 /// Nats below the likeliest set down to which other sets are looked at once more.
 constexpr double near_the_top = 15.0;
-/// The same of those that lack one of its members: at another period a member may be worth tens of nats that stands for nothing.
-constexpr double near_without_one = 40.0;
+/// The same of those that lack one of its members beside a wobble: at another period of that the member may be worth tens of nats
+/// that stands for nothing.
+constexpr double near_beside_a_wobble = 40.0;
 /// Nats by which other optima make a set likelier, for it to be scanned once more.
 constexpr double worth_another_scan = 2.0;
 /// The share of what a member is worth by which the linearised problem may be off about another one in its place.
@@ -439,9 +440,14 @@ class SetSearch {
                                          [](const ActiveEffect& a) { return has_many_optima(*a.effect); });
       if (many && !h->refined && h->log_posterior > top.log_posterior - nats) open.push_back(h);
     };
+    const bool wobbles = std::any_of(top.fit.model.begin(), top.fit.model.end(), [](const ActiveEffect& a) {
+      const Stage stage = a.effect->info().stage;
+      return stage == Stage::light || stage == Stage::spot;
+    });
+    const double near = wobbles ? near_beside_a_wobble : near_the_top;
     take(&top, near_the_top);
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i)
-      take(find(member_names(without(top.fit.model, i), known_count())), near_without_one);
+      take(find(member_names(without(top.fit.model, i), known_count())), near);
     for (Hypothesis* close : likeliest_within(refining_adds))
       if (std::find(open.begin(), open.end(), close) == open.end()) take(close, near_the_top);
     std::vector<std::unique_ptr<Hypothesis>> made(open.size());
