@@ -4,8 +4,8 @@
 //   delta r = A sin(k d + psi) = c cos(k d) + s sin(k d)     [m]
 //     k = 2 pi / Lambda [rad/m], Lambda 0.05 ... 2 m, half the modulation wavelength; c = A sin psi, s = A cos psi
 //
-// Acts on the reading, after the curve; d is the light's way, with what effects on the path add. The grid steps k by 1 rad over the span of d. Source: Lichti and Licht 2006
-// (cyclic terms of surveying scanners).
+// Acts on the reading, after the curve; d is the light's way, with what effects on the path add. The grid steps k by 1 rad over
+// the span of d. Source: Lichti and Licht 2006 (cyclic terms of surveying scanners).
 #include <cmath>
 #include <numbers>
 

@@ -12,8 +12,8 @@
 // 0.1 px: the second is 1.6 % of it), a point the sawtooth, whose first term is 1 / pi = 0.32 px.
 //
 // Acts on the reading, after the curve; d is where the spot stands for, with what effects on the path and the light add. A cover
-// that lengthens the way of the light by 3 mm shifts a target at 0.6 m by a whole period. f s / p is 120 m for f s = 720 mm^2 and p = 6 um, 11 m for s = 55
-// mm and 5.1 mrad a pixel. Over the span W of 1/d the likelihood's peak in k is about 4 / W wide, so the
+// that lengthens the way of the light by 3 mm turns the pull at 0.6 m by a whole period. f s / p is 120 m for f s = 720 mm^2 and
+// p = 6 um, 11 m for s = 55 mm and 5.1 mrad a pixel. Over the span W of 1/d the likelihood's peak in k is about 4 / W wide, so the
 // grid steps by 2 / W: the phase between neighbours, relative to the middle, differs by 1 rad at the ends.
 // Source: derived: the mean of a rounded normal variable; the effect: Shimizu and Okutomi 2002.
 #include <algorithm>

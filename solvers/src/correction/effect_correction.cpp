@@ -165,13 +165,16 @@ std::optional<double> EffectCorrector::mean_variance(double d, const ReadingSett
   Eigen::VectorXd h = Eigen::VectorXd::Zero(C.rows());
   h.head(calibration_.alpha.size()) = slopes_in_alpha(d, setting);
   const ReadingView<double> at = view(d, setting);
+  std::vector<Active> effects = active_;
   for (const Estimated& estimated : estimated_) {
+    double& parameter = effects[estimated.active].parameters[estimated.parameter];
+    const double estimate = parameter;
     const auto range = [&](double step) {
-      std::vector<Active> effects = active_;
-      effects[estimated.active].parameters[estimated.parameter] += step;
+      parameter = estimate + step;
       return changed_by(effects, at).range;
     };
     h[estimated.row] = (range(estimated.step) - range(-estimated.step)) / (2.0 * estimated.step);
+    parameter = estimate;
   }
   const double variance = h.dot(C * h);
   return std::isfinite(variance) ? std::optional(std::max(0.0, variance)) : std::nullopt;

@@ -184,18 +184,17 @@ double gap_to(const Candidate& best, const Candidate& other) {
 /// in one member.
 std::vector<std::size_t> listed_beside_likeliest(const Rows& rows, const Hypotheses& table, std::size_t known,
                                                  const DiagnoseOptions& options, const JointState& seed) {
-  const Hypothesis& best = *table.front();
-  const std::vector<std::string> own = member_names(best.fit.model, known);
+  const Model& best = table.front()->fit.model;
+  const Candidate likeliest = candidate_of(*table.front(), 0.0, 0.0);
+  const std::vector<std::string> own = member_names(best, known);
   std::vector<std::size_t> listed;
   for (std::size_t i = 1; i < table.size(); ++i) {
-    const Hypothesis& other = *table[i];
-    const std::vector<std::string> names = member_names(other.fit.model, known);
+    const Model& other = table[i]->fit.model;
+    const std::vector<std::string> names = member_names(other, known);
     std::vector<std::string> shared;
     std::set_intersection(own.begin(), own.end(), names.begin(), names.end(), std::back_inserter(shared));
     if (names.size() != own.size() || shared.size() + 1 != own.size()) continue;
-    const double gap = gap_to(candidate_of(best, 0.0, 0.0), candidate_of(other, 0.0, 0.0));
-    if (gap < std::max(1.0, options.naming_gap_nats) &&
-        gap < tolerated_gap(rows, options, seed, best.fit.model, other.fit.model))
+    if (is_listed(rows, options, seed, best, other, gap_to(likeliest, candidate_of(*table[i], 0.0, 0.0))))
       listed.push_back(i);
   }
   return listed;

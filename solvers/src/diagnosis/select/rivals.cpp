@@ -20,12 +20,16 @@ Model without(const Model& model, const Model& other) {
 
 }  // namespace
 
-double tolerated_gap(const Rows& rows, const DiagnoseOptions& options, const JointState& seed,
-                     const Model& best, const Model& other) {
+bool is_listed(const Rows& rows, const DiagnoseOptions& options, const JointState& seed, const Model& best,
+               const Model& other, double gap) {
+  constexpr double where_separated = 0.5, where_not_known = 1.0;  // nats
+  if (!(gap < std::max(where_not_known, options.naming_gap_nats))) return false;
   const Model causes = without(best, other), others = without(other, best);
   // A design that separates the two by more than the tolerated noncentrality leaves the gap to decide.
   const double apart = separation(rows, seed, causes, others, without(other, others));
-  return apart > tolerated_noncentrality ? 0.5 : apart < 0.0 ? 1.0 : options.naming_gap_nats;
+  return gap < (apart > tolerated_noncentrality ? where_separated
+                : apart < 0.0                   ? where_not_known
+                                                : options.naming_gap_nats);
 }
 
 void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& ranked,
@@ -34,9 +38,8 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
   for (const Candidate& rival : ranked) {
     if (result.rivals.size() == most_rivals) return;
     if (without(best, rival.fit.model).empty() || without(rival.fit.model, best).empty()) continue;
-    const double gap = result.best.evidence - rival.evidence;
-    if (gap < std::max(1.0, options.naming_gap_nats) &&
-        gap < tolerated_gap(rows, options, result.baseline.state, best, rival.fit.model))
+    if (is_listed(rows, options, result.baseline.state, best, rival.fit.model,
+                  result.best.evidence - rival.evidence))
       result.rivals.push_back(rival);
   }
 }

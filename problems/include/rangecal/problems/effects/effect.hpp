@@ -61,7 +61,7 @@ struct SettledOfPairs {
 /// Where between the surface and the number an effect acts. One that wobbles with distance does so with the distance that the effects of
 /// earlier stages leave.
 enum class Stage {
-  path,  ///< how far the light goes: a cover, the depth at which a surface scatters it, where the landmark stands
+  path,   ///< how far the light goes: a cover, how deep it enters a surface, where the landmark stands
   light,  ///< what it is mixed with on the way
   spot,   ///< where the detector takes the spot of light to be
   number  ///< what is made of that
