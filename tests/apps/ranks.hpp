@@ -8,6 +8,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <ios>
 #include <string>
 #include <thread>
 #include <vector>
@@ -50,7 +51,7 @@ inline RunResult run_and_kill_ranks(const std::string& command, const std::strin
                                     const std::vector<int>& victims) {
   namespace fs = std::filesystem;
   RunResult result;
-  std::thread running([&] { result = run(command, "", on_ranks(ranks, "--enable-recovery")); });
+  std::jthread running([&] { result = run(command, "", on_ranks(ranks, "--enable-recovery")); });
   const auto units_kept = [&] {
     for (int rank = 1; rank <= ranks; ++rank) try {
         const std::string part = fmt::format("{}.part-{}", output, rank);
@@ -70,7 +71,12 @@ inline RunResult run_and_kill_ranks(const std::string& command, const std::strin
   for (const auto& entry : fs::directory_iterator("/proc")) {
     const std::string name = entry.path().filename().string();
     if (name.find_first_not_of("0123456789") != std::string::npos) continue;
-    const std::string words = slurp(entry.path() / "cmdline"), environment = slurp(entry.path() / "environ");
+    std::string words, environment;
+    try {
+      words = slurp(entry.path() / "cmdline"), environment = slurp(entry.path() / "environ");
+    } catch (const std::ios_base::failure&) {  // it has ended since it was listed
+      continue;
+    }
     if (words.find("rangecal-mpi") == std::string::npos || words.find(output) == std::string::npos) continue;
     for (const int rank : victims) {
       const std::string says = fmt::format("OMPI_COMM_WORLD_RANK={}", rank) + '\0';
