@@ -22,8 +22,9 @@ function(rangecal_precompile target)
     endif()
     return()
   endif()
+  target_include_directories(${target} PRIVATE "${CMAKE_CURRENT_FUNCTION_LIST_DIR}")
   target_precompile_headers(${target} PRIVATE
     <algorithm> <array> <cmath> <cstdint> <filesystem> <fstream> <functional> <limits> <map> <memory> <numbers> <numeric>
     <optional> <random> <set> <span> <sstream> <stdexcept> <string> <string_view> <tuple> <utility> <variant> <vector>
-    <Eigen/Dense> <fmt/core.h> ${ARGN})
+    <Eigen/Dense> <eigen_instances.hpp> <fmt/core.h> ${ARGN})
 endfunction()

@@ -44,18 +44,18 @@ bool is_odometry(const std::string& type) {
   return type == kOdometry || type == kPoseStamped || type == kTransforms || type == kTransformsOfRos1;
 }
 
-/// How many messages could not be used, and why the first one.
-struct LeftOut {
-  std::size_t count = 0;
-  std::string why;
-  void add(const InputError& error) {
-    if (count++ == 0) why = error.what();
-  }
-};
-
 }  // namespace
 
 class BagScans::Reader {
+  /// How many messages could not be used, and why the first one.
+  struct LeftOut {
+    std::size_t count = 0;
+    std::string why;
+    void add(const InputError& error) {
+      if (count++ == 0) why = error.what();
+    }
+  };
+
  public:
   Reader(std::string path, BagChoice choice, std::size_t beams_kept)
       : path_(std::move(path)), choice_(std::move(choice)), beams_kept_(beams_kept) {}
