@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""docs/proof-table.md and docs/proof-answers.csv of what `rangecal prove` printed; rows that are not given stay as they are there.
+"""docs/proof-table.md, docs/proof-answers.csv and README's figures of concealed causes, of what `rangecal prove` printed; rows that are not
+given stay as they are there.
 
     for row in ROW...; do rangecal prove --fresh 300 --seed S --no-oracle --row $row --csv drawn/$row.csv > drawn/$row.log; done
     benchmarks/proof_page.py drawn=COMMIT@S
@@ -23,6 +24,19 @@ SOURCES = " ".join(["core problems solvers apps/proof !core/src/io !solvers/src/
                     "!solvers/src/diagnosis/diagnosis_json.cpp"]
                    + [f"!solvers/{part}/{name}" for name in NO_PART for part in ("src", "include/rangecal/solvers")])
 LINE = re.compile(r"^\S.*?\S\s{2,}\d+\s+\S+(?: %)?\s.*?(?:NOT MET|met)$")
+LIMIT = re.compile(r"^(?P<what>.*?)\s{2,}\d+\s+(?P<figure>\S+)(?: %)?\s.*?(?P<side>[<>])= (?P<limit>\S+).*?(?P<missed>NOT )?(?:MET|met)$")
+README = ROOT / "README.md"
+BY_ROW = "several causes: names", "simulation, 3 causes: of nothing", "95 % intervals", "1500 readings"  # README says them in words
+README_SHOWS = """2 causes beside an unknown one: both named|2 causes beside an unknown one: it is located|2 causes beside an unknown one: wrong (names)
+outside the catalogue: unexplained, located|1 to 3 old bounds: named, said to be large
+2 causes: found (causes)|2 causes: all, and nothing else|2 causes, outliers: found (causes)|2 causes, outliers: all, and nothing else
+3 causes: found (causes)|3 causes: all, and nothing else|3 causes, outliers: found (causes)|3 causes, outliers: all, and nothing else
+4 causes: found (causes)|4 causes: all, and nothing else|4 causes, outliers: found (causes)|4 causes, outliers: all, and nothing else
+5 causes: found (causes)|5 causes: all, and nothing else|5 causes, outliers: found (causes)|5 causes, outliers: all, and nothing else
+outliers beside causes: named as one-sided|simulation, 3 causes: found (causes)|simulation, 3 causes: all, and nothing else|two effects: both right
+formula 10 % off: right name|formula 10 % off: a wrong name|noise, tails, dependence, labels, grids: 50 nats|twins that show: the set
+lambda 50: the same|lambda 100 or more: wrong single name|lambda 100: right name or twin set|lambda 400: the same
+clean, any design: alarm|clean, line: alarm|clean, turning: alarm|everyday tables: all causes, and nothing else""".replace("\n", "|").split("|")
 HEAD = "what                                                worlds    figure  95 % interval     at least"
 
 Row = namedtuple("Row", "name fresh lines seconds commit seed sources hash")
@@ -130,6 +144,45 @@ done
 <!-- table: rangecal prove --seed {seed} of commit {commit}; sources: {own[0].sources}; hash: {own[0].hash} -->"""
 
 
+def in_readme(text, rows, answers):
+    """README with these figures: what was asked and not met, worst first, and after it the rows that README shows; in words the rest."""
+    judged = [(line, LIMIT.match(line)) for row in rows for line in row.lines]
+    shown = {line: match for line, match in judged if match and not match["what"].startswith(BY_ROW)}
+    short = {line: abs(float(m["limit"]) - float(m["figure"])) for line, m in shown.items() if m["missed"]}
+    lines = sorted(short, key=lambda line: -short[line])
+    for what in README_SHOWS:  # of several rows the one nearest to its limit
+        met = {line: abs(float(m["limit"]) - float(m["figure"])) for line, m in shown.items() if m["what"] == what and not m["missed"]}
+        lines += sorted(met, key=lambda line: met[line])[:1]
+    text = re.sub(rf"```\n{re.escape(HEAD)}.*?```", lambda _: "\n".join(["```", HEAD, *lines, "```"]), text, flags=re.S)
+
+    nothing = [float(m["figure"]) for _, m in judged if m and "of nothing concealed" in m["what"] and not m["what"].startswith("everyday")]
+
+    def held(own):
+        covered, intervals = (sum(int(a[of] or 0) for a in own) for of in ("covered", "intervals"))
+        return covered, intervals
+
+    def took(row):
+        seconds = [float(a["seconds"]) for a in answers if a["row"] == row]
+        return statistics.median(seconds), max(seconds), len(seconds)
+
+    drawn_by = Counter(row.commit for row in rows).most_common()
+    others = [f"{', '.join(f'`{row.name}`' for row in rows if row.commit == commit)} by {commit}" for commit, _ in drawn_by[1:]]
+    (covered, intervals), (large, of_large) = held(answers), held([a for a in answers if a["row"] == "large"])
+    (one, worst_one, worlds_one), (five, worst_five, worlds_five) = took("speed"), took("many-5")
+    for pattern, words in [
+        (r"rows are by\s+commit .*?\):", f"rows are by commit {'; '.join([drawn_by[0][0], *others])}):"),
+        (r"several causes are concealed [\d.]+ to [\d.]+ % stand", f"several causes are concealed {min(nothing):.1f} to {max(nothing):.1f} % stand"),
+        (r"[\d.]+ % of \d+ cases \(", f"{percent(covered, intervals)} % of {intervals} cases ("),
+        (r"in [\d.]+ % of \d+ where causes are larger", f"in {percent(large, of_large)} % of {of_large} where causes are larger"),
+        (r"[\d.]+ s with one cause \(median of \d+ worlds", f"{one:.2f} s with one cause (median of {worlds_one} worlds"),
+        (r"[\d.]+ s: `rangecal prove --row speed`\), [\d.]+ s with five \(median of \d+, at worst [\d.]+ s",
+         f"{worst_one:.1f} s: `rangecal prove --row speed`), {five:.1f} s with five (median of {worlds_five}, at worst {worst_five:.0f} s"),
+    ]:
+        text, found = re.subn(pattern, words, text)
+        assert found == 1, f"README does not say once: {pattern}"
+    return text
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="*", metavar="FOLDER=COMMIT@SEED", help="logs and tables of rows, and what drew them")
@@ -169,6 +222,7 @@ probability is of: the name, its exact twins, and what replaces it in a set that
 """] + probabilities
     text = "\n".join(lines + list(sections(rows))) + "\n"
     PAGE.write_text(text)
+    README.write_text(in_readme(README.read_text(), rows, answers))
     fields = list(dict.fromkeys(key for answer in answers for key in answer))
     with open(ANSWERS, "w", newline="") as file:
         writer = csv.DictWriter(file, fields, restval="", lineterminator="\n")
