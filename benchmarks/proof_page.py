@@ -24,7 +24,7 @@ SOURCES = " ".join(["core problems solvers apps/proof !core/src/io !solvers/src/
                     "!solvers/src/diagnosis/diagnosis_json.cpp"]
                    + [f"!solvers/{part}/{name}" for name in NO_PART for part in ("src", "include/rangecal/solvers")])
 LINE = re.compile(r"^\S.*?\S\s{2,}\d+\s+\S+(?: %)?\s.*?(?:NOT MET|met)$")
-LIMIT = re.compile(r"^(?P<what>.*?)\s{2,}\d+\s+(?P<figure>\S+)(?: %)?\s.*?(?P<side>[<>])= (?P<limit>\S+).*?(?P<missed>NOT )?(?:MET|met)$")
+LIMIT = re.compile(r"^(?P<what>.*?)\s{2,}\d+\s+(?P<figure>\S+)(?: %)?\s.*?[<>]= (?P<limit>\S+).*?(?P<missed>NOT )?(?:MET|met)$")
 README = ROOT / "README.md"
 BY_ROW = "several causes: names", "simulation, 3 causes: of nothing", "95 % intervals", "1500 readings"  # README says them in words
 README_SHOWS = """2 causes beside an unknown one: both named|2 causes beside an unknown one: it is located|2 causes beside an unknown one: wrong (names)
@@ -79,6 +79,11 @@ def percent(k, n):
     return f"{100 * k / n:.1f}" if n else ""
 
 
+def held(answers):
+    """Of 95 % intervals those that hold the truth, and all."""
+    return tuple(sum(int(a[of] or 0) for a in answers) for of in ("covered", "intervals"))
+
+
 def by_row(answers):
     """What became of every world of a row."""
     yield ("| row | worlds | one name, right | a set, right | sets in it | in part or unexplained | not seen | wrong | "
@@ -90,7 +95,7 @@ def by_row(answers):
         own = [a for a in answers if a["row"] == row]
         count, n = Counter(a["class"] for a in own), len(own)
         sizes = [int(a["set_size"]) for a in own if a["class"] == "right set"]
-        covered, intervals = (sum(int(a[of] or 0) for a in own) for of in ("covered", "intervals"))
+        covered, intervals = held(own)
         seconds = [float(a["seconds"]) for a in own]
         cells = [row, str(n), percent(count["right name"] + count["quiet"], n), percent(count["right set"], n),
                  f"{statistics.mean(sizes):.1f}" if sizes else "", percent(count["unexplained"], n), percent(count["missed"], n),
@@ -149,17 +154,13 @@ def in_readme(text, rows, answers):
     judged = [(line, LIMIT.match(line)) for row in rows for line in row.lines]
     shown = {line: match for line, match in judged if match and not match["what"].startswith(BY_ROW)}
     short = {line: abs(float(m["limit"]) - float(m["figure"])) for line, m in shown.items() if m["missed"]}
-    lines = sorted(short, key=lambda line: -short[line])
+    lines = sorted(short, key=lambda line: (-short[line], line))
     for what in README_SHOWS:  # of several rows the one nearest to its limit
         met = {line: abs(float(m["limit"]) - float(m["figure"])) for line, m in shown.items() if m["what"] == what and not m["missed"]}
-        lines += sorted(met, key=lambda line: met[line])[:1]
+        lines += sorted(met, key=lambda line: (met[line], line))[:1]
     text = re.sub(rf"```\n{re.escape(HEAD)}.*?```", lambda _: "\n".join(["```", HEAD, *lines, "```"]), text, flags=re.S)
 
     nothing = [float(m["figure"]) for _, m in judged if m and "of nothing concealed" in m["what"] and not m["what"].startswith("everyday")]
-
-    def held(own):
-        covered, intervals = (sum(int(a[of] or 0) for a in own) for of in ("covered", "intervals"))
-        return covered, intervals
 
     def took(row):
         seconds = [float(a["seconds"]) for a in answers if a["row"] == row]
@@ -200,7 +201,7 @@ def main():
     lines = ["""# What came out of every row that was drawn?
 
 Worlds of `docs/proof.md`, each row drawn once, two worlds at a time on two cores. `docs/proof-answers.csv` has every answer, the misses too. The
-intervals are 95 %. Rows of different commits were not drawn beside the same other work: their seconds are not to be compared. Whether today's program still answers so is
+intervals are 95 %. Rows were not all drawn beside the same other work: their seconds are not to be compared. Whether today's program still answers so is
 checked by `benchmarks/replay.py build/release/apps/rangecal`, which draws the first worlds of each row again.
 
 ## What became of the worlds
@@ -221,8 +222,9 @@ All names given in the worlds of {', '.join(f'`{r}`' for r in drawn)}. A name co
 probability is of: the name, its exact twins, and what replaces it in a set that the recording cannot tell apart.
 """] + probabilities
     text = "\n".join(lines + list(sections(rows))) + "\n"
+    readme = in_readme(README.read_text(), rows, answers)
     PAGE.write_text(text)
-    README.write_text(in_readme(README.read_text(), rows, answers))
+    README.write_text(readme)
     fields = list(dict.fromkeys(key for answer in answers for key in answer))
     with open(ANSWERS, "w", newline="") as file:
         writer = csv.DictWriter(file, fields, restval="", lineterminator="\n")
