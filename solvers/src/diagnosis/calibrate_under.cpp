@@ -59,7 +59,7 @@ bool holds_readings(const Rows& rows, const JointState& state) {
   return upper_median(cell_geometry(rows, state).spread) < rows.context.range_max_m;  // false of NaN
 }
 
-MarginalFit solve(const Rows& rows, const WorkingProblem& working, const JointState& start,
+MarginalFit solve(const Rows& rows, const WorkingCells& working, const JointState& start,
                   const MarginalOptions& options) {
   const JointProblem& problem = working.problem;
   if (!working.serial.independent())
@@ -77,8 +77,10 @@ struct Solved {
   bool ok = false;
 };
 
-Solved solve_with_alpha(const Rows& rows, const WorkingProblem& working, const JointState& start,
-                        MarginalOptions& marginal) {
+/// `with_rows`: the same with its rows; called once, under a simulation's prior.
+template <typename WithRows>
+Solved solve_with_alpha(const Rows& rows, const WorkingCells& working, const WithRows& with_rows,
+                        const JointState& start, MarginalOptions& marginal) {
   Solved solved;
   solved.fit = solve(rows, working, start, marginal);
   if (!std::isfinite(solved.fit.marginal_nll) || solved.fit.outcome == Outcome::failed ||
@@ -87,9 +89,11 @@ Solved solve_with_alpha(const Rows& rows, const WorkingProblem& working, const J
   solved.ok = true;
   marginal.begin = solved.fit.reml;
   solved.value = solved.fit.marginal_nll + prior_nll(rows, solved.fit.state.alpha);
-  for (int move = 0; move < 3 && rows.alpha_prior && !rows.alpha_prior->exact(); ++move) {
+  if (!rows.alpha_prior || rows.alpha_prior->exact()) return solved;
+  const WorkingProblem& full = with_rows();
+  for (int move = 0; move < 3; ++move) {
     JointState moved = solved.fit.state;
-    if (!(step_alpha(rows, working, moved) > 1e-3)) break;
+    if (!(step_alpha(rows, full, moved) > 1e-3)) break;
     MarginalFit next = solve(rows, working, moved, marginal);
     const double next_value = next.marginal_nll + prior_nll(rows, next.state.alpha);
     if (next.outcome == Outcome::failed || !(next_value < solved.value)) break;
@@ -102,7 +106,7 @@ Solved solve_with_alpha(const Rows& rows, const WorkingProblem& working, const J
 /// A state, the working problem there, and the objective l.
 struct Point {
   JointState state;
-  WorkingProblem working;
+  WorkingCells working;
   double value = std::numeric_limits<double>::infinity();
 };
 
@@ -110,7 +114,7 @@ struct Point {
 Point point_at(const Rows& rows, const Model& model, JointState state, const Sides* sides) {
   follow_commanded(commanded_under(rows, model), state.stops);
   Point point{std::move(state), {}};
-  point.working = working_problem(rows, model, point.state, sides);
+  point.working = working_cells(rows, model, point.state, sides);
   double value = laplace_nll_at(point.working.problem, point.state) + point.working.constant +
                  prior_nll(rows, point.state.alpha);
   if (sides) {
@@ -161,7 +165,11 @@ class Descent {
     if (!options_.places_stay) jump_to_modes();
     bool any = false;
     for (int iteration = 0; iteration < most; ++iteration) {
-      Solved solved = solve_with_alpha(rows_, here_.working, here_.state, marginal);
+      std::optional<WorkingProblem> full;
+      const auto with_rows = [&]() -> const WorkingProblem& {
+        return full.emplace(working_problem(rows_, model_, here_.state, sides()));
+      };
+      Solved solved = solve_with_alpha(rows_, here_.working, with_rows, here_.state, marginal);
       if (!solved.ok && !any) return std::numeric_limits<double>::infinity();
       if (!solved.ok) break;
       const bool goes_on = step_towards(solved);
@@ -258,7 +266,8 @@ double solve_in_turn(const Rows& rows, const Model& model, JointState& state, Ma
     }
     JointState start = state;
     follow_commanded(working.problem.stops, start.stops);
-    Solved solved = solve_with_alpha(rows, working, start, marginal);
+    const auto with_rows = [&]() -> const WorkingProblem& { return working; };
+    Solved solved = solve_with_alpha(rows, working, with_rows, start, marginal);
     if (!solved.ok) return infinity;
     state = solved.fit.state;
     value = solved.value + working.constant;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/alternation.hpp"
 #include "diagnosis/free_parameters.hpp"
 #include "diagnosis/joint_scoring.hpp"
 #include "diagnosis/likeliest_sequence.hpp"
@@ -106,14 +107,40 @@ TriedLength next_length(const std::vector<TriedLength>& tried) {
   return {vertex_of(tried[tried.size() - 2], last), 0.0, true};
 }
 
-/// Damped Gauss-Newton steps of all others; true if the fit moved, and `detail` is of where it ended.
+/// Takes the places of a fit that kept them to the modes that are likeliest now; false where that gains next to nothing.
+bool gains_by_jumps(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail) {
+  constexpr double next_to_nothing = 1e-3;  // nats
+  JointState state = fit.state;
+  MarginalFit there;
+  there.reml = detail.reml;
+  const double before = fit.nll, value = calibrate_under(rows, fit.model, state, options, &there);
+  if (!(value < before)) return false;
+  fit.state = std::move(state);
+  fit.nll = value;
+  detail = std::move(there);
+  return before - value > next_to_nothing;
+}
+
+/// Damped Gauss-Newton steps of all others. Places may jump to other modes in the first steps and once these have ended, and keep them
+/// in between, where they are looked for in vain and cost most. True if the fit moved, and `detail` is of where it ended.
 bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail,
                      const SolverLog& log) {
   constexpr double next_to_nothing = 5e-3;  // nats: a shorter step is not worth a solve
   constexpr double worth_another = 0.02;    // nats, of a step that only a third length gained
   constexpr double shortest = 0.15;         // of the first length tried
+  constexpr int steps_with_jumps = 2;
   bool moved = false;
   double damping = 1.0;
+  RefitOptions stepping = options;
+  int steps = 0;  // since places could jump
+  const auto ends = [&] {
+    if (stepping.places_stay == options.places_stay || !gains_by_jumps(rows, options, fit, detail))
+      return true;
+    stepping.places_stay = options.places_stay;
+    steps = 0;
+    damping = 1.0;
+    return false;
+  };
   for (int iteration = 0; iteration < options.max_iterations && !fit.free.empty(); ++iteration) {
     const WorkingProblem working = working_problem(rows, fit.model, fit.state);
     const Projector projector(rows, working, fit.state);
@@ -125,8 +152,11 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
     const double gradient_norm = std::sqrt(2.0 * std::max(0.0, predicted_gain));
     if (predicted_gain < 1e-3) {
       log.iteration(iteration + 1, fit.nll, 0.0, gradient_norm, {"length", damping});
-      break;
+      if (ends()) break;
+      continue;
     }
+    const bool has_modes = Sides::matter(fit.model) || !working.problem.cells.effect_slope.empty();
+    if (has_modes && steps++ >= steps_with_jumps) stepping.places_stay = true;
     bool accepted = false;
     std::vector<TriedLength> tried;
     for (TriedLength next{damping}; tried.empty() || std::abs(next.length) * predicted_gain > next_to_nothing;
@@ -137,7 +167,7 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
       JointState state = follow_parameters(rows, projector, fit, *step, trial);
       MarginalFit trial_detail;
       trial_detail.reml = detail.reml;
-      const double value = calibrate_under(rows, trial, state, options, &trial_detail);
+      const double value = calibrate_under(rows, trial, state, stepping, &trial_detail);
       if (value < fit.nll + 1e-7) {
         accepted = fit.nll - value > (tried.size() < 2 ? 1e-3 : worth_another);
         fit.model = trial;
@@ -154,7 +184,7 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
     }
     if (!accepted) {
       log.iteration(iteration + 1, fit.nll, 0.0, gradient_norm, {"length", damping});
-      break;
+      if (ends()) break;
     }
   }
   return moved;

@@ -103,6 +103,23 @@ Stages stages_of(const Rows& rows, const CellGeometry& geometry, const Model& mo
   return stages;
 }
 
+ReadingEffects::ReadingEffects(const Model& model) {
+  for (std::size_t e = 0; e < model.size(); ++e)
+    if (const Effect& effect = *model[e].effect; changes_readings(effect))
+      (effect.differs_between_repeats() ? of_rows : of_cells).push_back(e);
+  std::stable_sort(of_cells.begin(), of_cells.end(), [&](std::size_t a, std::size_t b) {
+    return model[a].effect->info().stage < model[b].effect->info().stage;
+  });
+}
+
+ReadingChange<double> change_at(const Model& model, const std::vector<std::size_t>& effects,
+                                const Sides* sides, int cell, const ReadingView<double>& view) {
+  ReadingChain chain;
+  for (const std::size_t e : effects)
+    chain.add(*model[e].effect, model[e].parameters.data(), sides ? sides->seen_by(e, cell, view) : view);
+  return chain.sum();
+}
+
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model,
                        const Sides* sides) {
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
@@ -110,25 +127,17 @@ RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Mod
   for (auto* column :
        {&changes.range, &changes.bearing, &changes.range_log_variance, &changes.bearing_log_variance})
     *column = Eigen::VectorXd::Zero(n);
-  std::vector<std::size_t> of_cells, of_rows;
-  for (std::size_t e = 0; e < model.size(); ++e)
-    if (const Effect& effect = *model[e].effect; changes_readings(effect))
-      (effect.differs_between_repeats() ? of_rows : of_cells).push_back(e);
-  std::stable_sort(of_cells.begin(), of_cells.end(), [&](std::size_t a, std::size_t b) {
-    return model[a].effect->info().stage < model[b].effect->info().stage;
-  });
-  const auto change_at = [&](const std::vector<std::size_t>& effects, int cell, int row) {
-    const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(row));
-    ReadingChain chain;
-    for (const std::size_t e : effects)
-      chain.add(*model[e].effect, model[e].parameters.data(), sides ? sides->seen_by(e, cell, view) : view);
-    return chain.sum();
-  };
-  for (int c = 0; c < rows.cell_count && of_cells.size() + of_rows.size() > 0; ++c) {
+  const ReadingEffects effects(model);
+  for (int c = 0; c < rows.cell_count && effects.of_cells.size() + effects.of_rows.size() > 0; ++c) {
     const int begin = rows.cell_begin[c], end = rows.cell_begin[c + 1];
-    const ReadingChange<double> shared = change_at(of_cells, c, begin);
+    ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(begin));
+    const ReadingChange<double> shared = change_at(model, effects.of_cells, sides, c, view);
     for (int i = begin; i < end; ++i) {
-      const ReadingChange<double> own = of_rows.empty() ? ReadingChange<double>{} : change_at(of_rows, c, i);
+      ReadingChange<double> own;
+      if (!effects.of_rows.empty()) {
+        see_row(rows, static_cast<std::size_t>(i), view);
+        own = change_at(model, effects.of_rows, sides, c, view);
+      }
       changes.range[i] = shared.range + own.range;
       changes.bearing[i] = shared.bearing + own.bearing;
       changes.range_log_variance[i] = shared.range_log_variance + own.range_log_variance;

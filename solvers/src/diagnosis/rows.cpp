@@ -435,16 +435,20 @@ ReadingView<double> view_of(const Rows& rows, const CellGeometry& g, std::size_t
   }
   view.radius = rows.radius_m[i];
   view.heading = rows.heading_rad[i];
+  view.stop = rows.stop[i];
+  view.landmark = rows.landmark[i];
+  view.context = &rows.context;
+  see_row(rows, i, view);
+  return view;
+}
+
+void see_row(const Rows& rows, std::size_t i, ReadingView<double>& view) {
   view.time_s = rows.time_s[i];
   view.time = rows.context.duration_s > 0.0 ? rows.time_s[i] / rows.context.duration_s : 0.0;
   view.rate_mps = rows.rate_mps.empty() ? 0.0 : rows.rate_mps[i];
-  view.stop = rows.stop[i];
-  view.landmark = rows.landmark[i];
   view.repeat = rows.repeat[i];
   view.covariate =
       rows.context.covariates.empty() ? nullptr : &rows.covariates[i * rows.context.covariates.size()];
-  view.context = &rows.context;
-  return view;
 }
 
 double distance_step(double d) {

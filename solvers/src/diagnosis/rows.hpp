@@ -93,6 +93,8 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state);
 
 /// The view of row i that effects get.
 ReadingView<double> view_of(const Rows& rows, const CellGeometry& geometry, std::size_t i);
+/// Turns the view of a row into that of another row of its cell.
+void see_row(const Rows& rows, std::size_t i, ReadingView<double>& view);
 
 /// Half the width [m] of a central difference in distance: a millionth of d. The phase k / d of pixel locking
 /// turns by k / d^2 per metre, its period is 2 pi d^2 / k: 0.1 mm at 0.2 m for k = 2000 m, of which this is a

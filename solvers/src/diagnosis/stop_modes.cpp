@@ -19,7 +19,7 @@ constexpr int widest = 20;     ///< points of the grid on either side
 constexpr double worth = 0.3;  ///< nats below which a place stays
 constexpr double faint = 0.3;  ///< of a cell's error: an oscillation below it needs no resolution
 
-double range_information(const WorkingProblem& working, const CellGeometry& geometry, int cell) {
+double range_information(const WorkingCells& working, const CellGeometry& geometry, int cell) {
   return working.problem.cells.range_weight[cell] / (geometry.spread[cell] * geometry.spread[cell]);
 }
 
@@ -34,7 +34,7 @@ struct OscillatingEffects {
 };
 
 /// `sides`: those that jump are then straight lines on their side.
-OscillatingEffects oscillating_effects(const Rows& rows, const Model& model, const WorkingProblem& working,
+OscillatingEffects oscillating_effects(const Rows& rows, const Model& model, const WorkingCells& working,
                                        const CellGeometry& geometry, const Sides* sides) {
   constexpr std::array places{-0.52, 0.33, 0.76};
   constexpr double straight = 0.1 * faint;  // of a cell's error
@@ -75,7 +75,7 @@ OscillatingEffects oscillating_effects(const Rows& rows, const Model& model, con
 /// One cell as its place sees it: h(d) in a table, the curve to second order, the bearing to first.
 class OscillatingCell {
  public:
-  OscillatingCell(const Rows& rows, const OscillatingEffects& oscillating, const WorkingProblem& working,
+  OscillatingCell(const Rows& rows, const OscillatingEffects& oscillating, const WorkingCells& working,
                   const CellGeometry& geometry, const JointState& state, int cell)
       : rows_(&rows),
         model_(&oscillating.effects),
@@ -277,7 +277,7 @@ bool move_places(const JointProblem& problem, JointState& state, const MoveOf& m
 
 }  // namespace
 
-bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingProblem& working,
+bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingCells& working,
                           ModeSearch search, JointState& state) {
   const JointProblem& problem = working.problem;
   CellGeometry geometry = cell_geometry(rows, state);
@@ -297,8 +297,8 @@ bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingPro
   });
 }
 
-bool follow_oscillation(const Rows& rows, const Model& model, const WorkingProblem& working_before,
-                        const JointState& before, const WorkingProblem& working, const Sides* sides,
+bool follow_oscillation(const Rows& rows, const Model& model, const WorkingCells& working_before,
+                        const JointState& before, const WorkingCells& working, const Sides* sides,
                         JointState& state) {
   constexpr double straight = 0.01;  // sum of the squares, in units of the cells' errors
   const JointProblem& problem = working.problem;

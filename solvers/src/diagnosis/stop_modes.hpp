@@ -21,14 +21,14 @@ enum class ModeSearch {
 /// error of theirs, leave open, 2.5 periods to either side at most, and from there downhill; the place is moved
 /// where that gains. Landmarks, curve and headings stay. Places that are exact, or whose errors add up along a walk,
 /// stay. False: all did.
-bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingProblem& working,
+bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingCells& working,
                           ModeSearch search, JointState& state);
 
 /// Puts places, after a solve from `before` that took effects for straight lines, into the optimum downhill from where it put
 /// them, or from where they were, whichever is likelier; those alone that the lines took elsewhere than the effects do. `sides`:
 /// on which readings stay. False: all stayed.
-bool follow_oscillation(const Rows& rows, const Model& model, const WorkingProblem& working_before,
-                        const JointState& before, const WorkingProblem& working, const Sides* sides,
+bool follow_oscillation(const Rows& rows, const Model& model, const WorkingCells& working_before,
+                        const JointState& before, const WorkingCells& working, const Sides* sides,
                         JointState& state);
 
 }  // namespace rangecal::diagnosis

@@ -42,22 +42,6 @@ double effect_slope_of_cell(const Rows& rows, const CellGeometry& geometry, cons
   return effect_slope;
 }
 
-/// Lets the fit follow effects that change fast with distance, as it moves cells: their slope goes along.
-/// Slow ones (below a fiftieth of a metre per metre) need none: evaluating them anew at the fit is enough.
-void set_effect_slopes(const Rows& rows, const CellGeometry& geometry, const Model& model, const Sides* sides,
-                       Cells& cells) {
-  constexpr double slow = 0.02;
-  std::vector<double> effect_slope(static_cast<std::size_t>(rows.cell_count));
-  double steepest = 0.0;
-  for (int c = 0; c < rows.cell_count; ++c) {
-    effect_slope[c] = effect_slope_of_cell(rows, geometry, model, sides, c);
-    steepest = std::max(steepest, std::abs(effect_slope[c]));
-  }
-  if (!(steepest > slow)) return;
-  cells.effect_slope = std::move(effect_slope);
-  cells.effect_slope_at_m = geometry.d;
-}
-
 /// Weight and mean square of a cell whose readings share a variance of s^2 `ratio`, such that
 ///   n log s + weight ((mean - mu)^2 + mean square) / (2 s^2)
 /// and what is added to `constant` is the exact NLL of the white readings. `extra_square`: sum of squares [m^2] that tails
@@ -153,15 +137,29 @@ double shared_variance(double sigma, const std::vector<RoundingVariance>& grid, 
 
 }  // namespace
 
+void set_effect_slopes(const Rows& rows, const CellGeometry& geometry, const Model& model, const Sides* sides,
+                       Cells& cells) {
+  constexpr double slow = 0.02;
+  std::vector<double> effect_slope(static_cast<std::size_t>(rows.cell_count));
+  double steepest = 0.0;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    effect_slope[c] = effect_slope_of_cell(rows, geometry, model, sides, c);
+    steepest = std::max(steepest, std::abs(effect_slope[c]));
+  }
+  if (!(steepest > slow)) return;
+  cells.effect_slope = std::move(effect_slope);
+  cells.effect_slope_at_m = geometry.d;
+}
+
 double effect_slope_of(const ActiveEffect& active, const ReadingView<double>& at) {
   if (active.effect->info().kind != EffectKind::mean || !active.effect->changes_with_distance()) return 0.0;
   const double step = distance_step(at.d), jump = active.effect->switching_distance(active.parameters.data());
   const bool beside = std::abs(jump - at.d) <= 2.0 * step;
   const double below = beside && jump <= at.d ? 0.0 : step, above = beside && jump > at.d ? 0.0 : step;
-  const auto change_at = [&](double h) {
+  const auto range_at = [&](double h) {
     return active.effect->reading(moved_by(at, h), active.parameters.data()).range;
   };
-  return (change_at(above) - change_at(-below)) / (above + below);
+  return (range_at(above) - range_at(-below)) / (above + below);
 }
 
 bool is_tail(const ActiveEffect& active) { return active.effect->info().kind == EffectKind::tail; }
@@ -218,10 +216,10 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   working.range = Eigen::Map<const Eigen::VectorXd>(rows.range_m.data(), n);
   working.bearing.setZero(n);
-  if (rows.reads_bearings())
-    for (Eigen::Index i = 0; i < n; ++i)
-      working.bearing[i] = wrap_angle(rows.bearing_rad[i] - geometry.bearing[rows.cell[i]]);
   if (model.empty()) {
+    if (rows.reads_bearings())
+      for (Eigen::Index i = 0; i < n; ++i)
+        working.bearing[i] = wrap_angle(rows.bearing_rad[i] - geometry.bearing[rows.cell[i]]);
     working.range_deviation = split(rows, working.range, {}).deviations;
     working.bearing_deviation = split(rows, working.bearing, {}).deviations;
     return working;

@@ -44,6 +44,15 @@ std::vector<StopPrior> commanded_under(const Rows& rows, const Model& model);
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state,
                                const Sides* sides = nullptr);
 
+/// Its cells alone, without a pass over the rows where the model's effects are the same for all repeats of a cell: what a solve needs.
+WorkingCells working_cells(const Rows& rows, const Model& model, const JointState& state,
+                           const Sides* sides = nullptr);
+
+/// Lets the fit follow effects that change fast with distance, as it moves cells: their slope goes along.
+/// Slow ones (below a fiftieth of a metre per metre) need none: evaluating them anew at the fit is enough.
+void set_effect_slopes(const Rows& rows, const CellGeometry& geometry, const Model& model, const Sides* sides,
+                       Cells& cells);
+
 /// Residuals of the working problem's ranges in units of their standard deviations, sqrt(W) (y - f) / s, of the cells.
 Eigen::VectorXd sequence_residuals(const WorkingProblem& working, const CellGeometry& geometry);
 
@@ -69,6 +78,16 @@ struct RowChanges {
 };
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model,
                        const Sides* sides = nullptr);
+
+/// The effects of a model that change the mean or the variance of readings one by one, by index.
+struct ReadingEffects {
+  std::vector<std::size_t> of_cells;  ///< the same for all repeats of a cell, in the order of their stages
+  std::vector<std::size_t> of_rows;   ///< the others
+  explicit ReadingEffects(const Model& model);
+};
+/// The change of a reading of a cell by some of them together.
+ReadingChange<double> change_at(const Model& model, const std::vector<std::size_t>& effects,
+                                const Sides* sides, int cell, const ReadingView<double>& view);
 
 /// The effects of the path first.
 Model in_order_of_stages(Model model);

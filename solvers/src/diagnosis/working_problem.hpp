@@ -12,9 +12,15 @@ namespace rangecal::diagnosis {
 /// The seed model's problem on readings from which the model's effects were taken: corrected cell means,
 /// weights for changed variances and dependence, moved stops; `constant` completes its NLL to that of the
 /// readings themselves.
-struct WorkingProblem {
+struct WorkingCells {
   JointProblem problem;
   double constant = 0.0;
+  Stages stages;        ///< of the model's effects
+  SerialErrors serial;  ///< of readings in a sequence: how their errors, as weighted, depend on one another
+};
+
+/// The same with the rows that it was made of.
+struct WorkingProblem : WorkingCells {
   /// Corrected readings per row; bearings relative to the cell's predicted one.
   Eigen::VectorXd range, bearing;
   /// What a tail's law, given its residual, expects a row's extra error to be [m], which `range` is less, and its variance
@@ -33,8 +39,6 @@ struct WorkingProblem {
     return range_with_tail(row) - (tail_centre.size() > 0 ? tail_centre[row] : 0.0);
   }
   Whitening range_whitening, bearing_whitening;
-  Stages stages;        ///< of the model's effects
-  SerialErrors serial;  ///< of readings in a sequence: how their errors, as weighted, depend on one another
   Eigen::VectorXd range_deviation, bearing_deviation;  ///< white, from the cell means [m], [rad]
 };
 

@@ -13,7 +13,9 @@
 
 #include "diagnosis/rows.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "solvers/diagnosis/select/made_worlds.hpp"
 #include "support/add_reading.hpp"
 
 namespace rangecal::diagnosis {
@@ -173,6 +175,51 @@ TEST(Working, APeriodIsFoundBetweenThePointsOfItsGrid) {
   // Five standard deviations: once in two million draws.
   EXPECT_NEAR(period.estimate, 2.0 * std::numbers::pi / k, 5.0 * period.std_dev);
   EXPECT_NEAR(std::remainder(turned.estimate - phase, 2.0 * std::numbers::pi), 0.0, 5.0 * turned.std_dev);
+}
+
+/// Of one effect of the catalogue, its linear parameters three times their typical size, the others where its grid starts.
+ActiveEffect large(const Effect& effect, const EffectContext& context) {
+  ActiveEffect active{&effect, effect.start_grid(context).front()};
+  const std::vector<EffectParameter>& parameters = effect.info().parameters;
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const auto [low, high] = effect.bounds(context, j);
+    if (parameters[j].linear)
+      active.parameters[static_cast<Eigen::Index>(j)] = std::clamp(3.0 * parameters[j].typical, low, high);
+  }
+  return active;
+}
+
+TEST(Working, ItsCellsAloneAreTheSame) {
+  const testing::SeedFit seed(testing::recording_with({{"warmup_drift", 0.01}}, "Working.ItsCells"));
+  Model all;
+  int tried = 0;
+  const auto compare = [&](const Model& model, const std::string& name) {
+    const WorkingProblem with_rows = working_problem(seed.rows, model, seed.fit.state);
+    const WorkingCells alone = working_cells(seed.rows, model, seed.fit.state);
+    const Cells &a = with_rows.problem.cells, &b = alone.problem.cells;
+    ASSERT_EQ(a.size(), b.size());
+    ASSERT_EQ(a.effect_slope, b.effect_slope) << name;
+    for (std::size_t c = 0; c < a.size(); ++c) {
+      EXPECT_NEAR(a.range_mean[c], b.range_mean[c], 1e-12) << name;
+      EXPECT_NEAR(a.bearing_mean[c], b.bearing_mean[c], 1e-12) << name;
+      EXPECT_NEAR(a.range_mean_square[c], b.range_mean_square[c], 1e-12) << name;
+      EXPECT_NEAR(a.bearing_mean_square[c], b.bearing_mean_square[c], 1e-12) << name;
+      EXPECT_NEAR(a.range_weight[c], b.range_weight[c], 1e-10 * a.range_weight[c]) << name;
+      EXPECT_NEAR(a.bearing_weight[c], b.bearing_weight[c], 1e-10 * a.bearing_weight[c]) << name;
+    }
+    EXPECT_NEAR(joint_nll(with_rows.problem, seed.fit.state) + with_rows.constant,
+                joint_nll(alone.problem, seed.fit.state) + alone.constant, 1e-6)
+        << name;
+    ++tried;
+  };
+  for (const Effect* effect : effects_of(seed.rows.context)) {
+    if (!effect->lacking(seed.rows.context).empty()) continue;
+    const ActiveEffect active = large(*effect, seed.rows.context);
+    compare({active}, effect->info().id);
+    if (effect->info().kind == EffectKind::mean) all.push_back(active);
+  }
+  compare(all, "all means");
+  EXPECT_GT(tried, 30);
 }
 
 }  // namespace

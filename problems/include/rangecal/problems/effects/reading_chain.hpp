@@ -16,8 +16,10 @@ class ReadingChain {
     view.before_spot = path_m_ + light_m_;
     return view;
   }
-  void add(const Effect& effect, const double* p, const ReadingView<double>& view) {
-    const ReadingChange<double> own = effect.reading(seen(view), p);
+  void add(const Effect& effect, const double* p, ReadingView<double> view) {
+    view.before_light = path_m_;
+    view.before_spot = path_m_ + light_m_;
+    const ReadingChange<double> own = effect.reading(view, p);
     const Stage stage = effect.info().stage;
     if (stage == Stage::path) path_m_ += own.range;
     if (stage == Stage::light) light_m_ += own.range;
