@@ -40,6 +40,28 @@ Fit refit_from_sides(const Rows& rows, const Model& model, JointState state, con
   return refit(rows, model, state, options);
 }
 
+/// Groups values of a parameter, in ascending order, between which no cell changes sides: the index of the middle one of its group, of every
+/// value. Where an effect jumps elsewhere, or nowhere, every value is a group of its own.
+std::vector<std::size_t> with_the_same_sides(const Rows& rows, const Fit& fit, std::size_t member,
+                                             Eigen::Index parameter, const std::vector<double>& values) {
+  ActiveEffect active = fit.model[member];
+  std::vector<double> distances = cell_geometry(rows, fit.state).d;
+  std::sort(distances.begin(), distances.end());
+  const auto near = [&](double value) {
+    active.parameters[parameter] = value;
+    return active.effect->switching_distance(active.parameters.data()) == value
+               ? std::lower_bound(distances.begin(), distances.end(), value) - distances.begin()
+               : -1;
+  };
+  std::vector<std::size_t> middle(values.size());
+  for (std::size_t begin = 0, end = 0; begin < values.size(); begin = end) {
+    const auto cells = near(values[begin]);
+    for (end = begin + 1; end < values.size() && cells >= 0 && near(values[end]) == cells;) ++end;
+    for (std::size_t i = begin; i < end; ++i) middle[i] = begin + (end - begin) / 2;
+  }
+  return middle;
+}
+
 /// Scans such parameters of a member finely around the fit. Their likelihood has steps, one
 /// where a reading changes sides; the middle of the highest one is taken, where no reading is about to.
 void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {
@@ -52,23 +74,29 @@ void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& option
     const auto index = static_cast<Eigen::Index>(j);
     const double step = parameters[j].discrete ? grid_step(grid, index) / parts : 0.0;
     if (step == 0.0) continue;
-    std::vector<Fit> scan(2 * reach + 1);
+    std::vector<double> values;
+    for (int i = -reach; i <= reach; ++i) values.push_back(active.parameters[index] + i * step);
+    const std::vector<std::size_t> tried = with_the_same_sides(rows, fit, member, index, values);
+    std::vector<Fit> fits(values.size());
     in_parallel(
-        scan.size(),
+        values.size(),
         [&](std::size_t i) {
+          if (tried[i] != i) return;
           Model model = fit.model;
-          model[member].parameters[index] += (static_cast<double>(i) - reach) * step;
-          scan[i] = refit(rows, model, fit.state, roughly(fit, options));
+          model[member].parameters[index] = values[i];
+          fits[i] = refit(rows, model, fit.state, roughly(fit, options));
         },
         jobs_at_once(rows.size()));
-    std::erase_if(scan, [](const Fit& moved) { return !moved.ok; });
+    std::vector<const Fit*> scan;
+    for (const std::size_t i : tried)
+      if (fits[i].ok) scan.push_back(&fits[i]);
     if (scan.empty()) continue;
-    const auto best =
-        std::min_element(scan.begin(), scan.end(), [](const Fit& a, const Fit& b) { return a.nll < b.nll; });
+    const auto best = std::min_element(scan.begin(), scan.end(),
+                                       [](const Fit* a, const Fit* b) { return a->nll < b->nll; });
     auto first = best, last = best;
-    while (first != scan.begin() && std::prev(first)->nll < best->nll + level) --first;
-    while (std::next(last) != scan.end() && std::next(last)->nll < best->nll + level) ++last;
-    const Fit& found = *(first + (last - first) / 2);
+    while (first != scan.begin() && (*std::prev(first))->nll < (*best)->nll + level) --first;
+    while (std::next(last) != scan.end() && (*std::next(last))->nll < (*best)->nll + level) ++last;
+    const Fit& found = **(first + (last - first) / 2);
     Fit middle = refit(rows, found.model, found.state, options);
     if (middle.ok && middle.nll < fit.nll + level) fit = std::move(middle);
   }
