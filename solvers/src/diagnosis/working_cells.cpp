@@ -24,7 +24,7 @@ bool keeps_errors_normal_and_independent(const Rows& rows, const Model& model) {
          shared.range_correlation == 0.0 && shared.bearing_correlation == 0.0;
 }
 
-/// Mean, mean square about it and weight of a channel of one cell, as the header has them.
+/// W, mean, S and sum of ln m of one channel of a cell, whose repeats differ.
 struct Moments {
   double weight = 0.0, mean = 0.0, square = 0.0, log_variances = 0.0;
 
