@@ -13,7 +13,7 @@ LineFeed::LineFeed(std::string_view text) : data_(text.data()), end_(text.size()
 }
 
 LineFeed::LineFeed(std::unique_ptr<InputFile> file)
-    : file_(std::move(file)), buffer_(longest + (std::size_t{1} << 20), '\0'), data_(buffer_.data()) {
+    : file_(std::move(file)), buffer_(std::make_unique_for_overwrite<char[]>(room)), data_(buffer_.get()) {
   while (end_ < byte_order_mark.size() && !whole_) fill();
   skip_mark();
 }
@@ -23,9 +23,9 @@ void LineFeed::skip_mark() {
 }
 
 void LineFeed::fill() {
-  if (begin_ > 0) std::memmove(buffer_.data(), data_ + begin_, end_ - begin_);
+  if (begin_ > 0) std::memmove(buffer_.get(), data_ + begin_, end_ - begin_);
   end_ -= std::exchange(begin_, 0);
-  const std::size_t count = file_->read(buffer_.data() + end_, buffer_.size() - end_);
+  const std::size_t count = file_->read(buffer_.get() + end_, room - end_);
   end_ += count;
   whole_ = count == 0;
 }

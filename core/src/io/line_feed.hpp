@@ -23,11 +23,13 @@ class LineFeed {
   Status next(std::string_view& line);
 
  private:
+  static constexpr std::size_t room = longest + (std::size_t{1} << 20);  ///< of the buffer
+
   void fill();
   void skip_mark();
 
   std::unique_ptr<InputFile> file_;
-  std::string buffer_;
+  std::unique_ptr<char[]> buffer_;  ///< of a file
   const char* data_ = nullptr;
   std::size_t begin_ = 0, end_ = 0;
   bool whole_ = false;  ///< nothing follows what is in the buffer

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -74,17 +75,18 @@ class Battery {
     std::vector<Eigen::VectorXd> variance_columns;  ///< normalised slopes over the units of a channel
     bool variance_of_bearing = false;
   };
-  /// A shape over the rows, and the same where cells are moved as the projector says; empty where it does not
-  /// follow them, or jumps.
+  /// A shape over the rows, and by cells the same where these are moved as the projector says; empty where it does not follow them, or
+  /// jumps.
   struct Shape {
     Eigen::VectorXd at, moved;
   };
+  using ShapeOf = std::function<Shape()>;  ///< made where it is asked about, by many threads
   class Values;
   class MeanQuestions;
   struct Unasked {};
   /// Has its questions still to ask.
   Battery(Unasked, const Rows& rows, const Model& model, const JointState& state, const Rates& known);
-  Asked asked_of_rows(Question question, const std::vector<Shape>& shapes, bool bearing) const;
+  Asked asked_of_rows(Question question, const std::vector<ShapeOf>& shapes, bool bearing) const;
   double fitted_gain(const Question& question, const Signature& fitted) const;
   Asked asked_of_mean(Question about, std::vector<Signature> block) const;
   Asked asked_of_variance(Question about, const std::vector<Eigen::VectorXd>& unit_shape, bool bearing) const;
@@ -93,8 +95,11 @@ class Battery {
   std::vector<Asked> asked_of_effect(const Effect& effect) const;
   void add_scalar(const ScalarTest& test);
   void standardise(Question& question) const;
-  struct NullScores;
-  NullScores draw_scores(int draws, std::uint64_t seed);
+  class NullLargest;
+  void draw_statistics(int draws, std::uint64_t seed, NullLargest& largest);
+  /// Scalar tests of draws standardised by their own mean and spread. `scalar`: questions; `statistics`: draws x these.
+  void standardise_by(const std::vector<std::vector<ScalarTest>>& drawn,
+                      const std::vector<std::size_t>& scalar, Eigen::MatrixXd& statistics);
   void keep(Question question);
   void ask_variance_of_rows(const Question& question, const std::vector<Eigen::VectorXd>& range,
                             const std::vector<Eigen::VectorXd>& bearing, std::vector<Asked>& asked) const;

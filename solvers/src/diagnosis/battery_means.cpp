@@ -19,23 +19,30 @@ double hat(const std::vector<double>& knots, std::size_t j, double v) {
 
 }  // namespace
 
-Battery::Shape Battery::Values::map(const std::function<double(double)>& f) const {
-  const auto of = [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
-    return values.unaryExpr([&](double v) { return f(v); });
+Battery::ShapeOf Battery::Values::map(Function f) const {
+  return [values = values_, f = std::move(f)] {
+    return Shape{values->at.unaryExpr(std::cref(f)), values->moved.unaryExpr(std::cref(f))};
   };
-  return {of(at_), of(moved_)};
 }
 
-std::vector<Battery::Shape> Battery::Values::hats(const std::vector<double>& knots) const {
-  std::vector<Shape> shapes;
+Battery::ShapeOf Battery::Values::jump(Function f) const {
+  return [values = values_, f = std::move(f)] { return Shape{values->at.unaryExpr(std::cref(f)), {}}; };
+}
+
+Battery::ShapeOf Battery::Values::itself() const {
+  return [values = values_] { return *values; };
+}
+
+std::vector<Battery::ShapeOf> Battery::Values::hats(const std::vector<double>& knots) const {
+  std::vector<ShapeOf> shapes;
   for (std::size_t j = 0; j < knots.size(); ++j)
     shapes.push_back(
-        map([&](double v) { return hat(knots, j, std::clamp(v, knots.front(), knots.back())); }));
+        map([knots, j](double v) { return hat(knots, j, std::clamp(v, knots.front(), knots.back())); }));
   return shapes;
 }
 
 std::vector<double> Battery::Values::quantiles(int count) const {
-  Eigen::VectorXd values = at_;
+  Eigen::VectorXd values = at();
   std::sort(values.begin(), values.end());
   std::vector<double> at;
   for (int j = 0; j < count; ++j) {
@@ -77,7 +84,7 @@ void Battery::MeanQuestions::ask_waiting() {
 }
 
 void Battery::MeanQuestions::ask(const std::string& covariate, const std::string& shape,
-                                 std::vector<Shape> shapes, std::optional<double> from,
+                                 std::vector<ShapeOf> shapes, std::optional<double> from,
                                  std::optional<double> to, const std::string& group) {
   Question q;
   q.channel = of_bearing_ ? "bearing" : "range";
@@ -95,7 +102,8 @@ void Battery::MeanQuestions::ask_smooth(const std::string& covariate, const Valu
   if (at.size() < 3) return;
   ask(covariate, "smooth", values.hats(at));
   for (std::size_t j = 0; j + 2 < at.size(); ++j)
-    ask(covariate, "bump", {values.jump([&](double v) { return v >= at[j] && v <= at[j + 2] ? 1.0 : 0.0; })},
+    ask(covariate, "bump",
+        {values.jump([from = at[j], to = at[j + 2]](double v) { return v >= from && v <= to ? 1.0 : 0.0; })},
         at[j], at[j + 2]);
 }
 
@@ -106,8 +114,9 @@ void Battery::MeanQuestions::ask_local(const std::string& covariate, const Value
   for (const double share : {0.03, 0.06}) {
     const double width = share * span;
     for (double middle = low; middle <= low + span; middle += width)
-      ask(covariate, "local bump",
-          {values.map([&](double v) { return std::exp(-0.5 * std::pow(difference(v, middle) / width, 2)); })},
+      ask(covariate, "local bump", {values.map([difference, middle, width](double v) {
+            return std::exp(-0.5 * std::pow(difference(v, middle) / width, 2));
+          })},
           middle - 2.0 * width, middle + 2.0 * width);
   }
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -12,23 +13,26 @@
 
 namespace rangecal::diagnosis {
 
-/// A covariate over the rows, and the same where cells are moved as the projector says (empty: it stays).
+/// A covariate over the rows, and by cells the same where these are moved as the projector says (empty: it stays). Functions of it hold on
+/// to its values.
 class Battery::Values {
  public:
+  using Function = std::function<double(double)>;
+
   explicit Values(Eigen::VectorXd at, Eigen::VectorXd moved = {})
-      : at_(std::move(at)), moved_(std::move(moved)) {}
-  const Eigen::VectorXd& at() const { return at_; }
-  Shape map(const std::function<double(double)>& f) const;
+      : values_(std::make_shared<const Shape>(Shape{std::move(at), std::move(moved)})) {}
+  const Eigen::VectorXd& at() const { return values_->at; }
+  ShapeOf map(Function f) const;
   /// Of a function that jumps: it has no slope.
-  Shape jump(const std::function<double(double)>& f) const { return {map(f).at, {}}; }
-  Shape itself() const { return {at_, moved_}; }
+  ShapeOf jump(Function f) const;
+  ShapeOf itself() const;
   /// Together a free piecewise-linear curve.
-  std::vector<Shape> hats(const std::vector<double>& knots) const;
+  std::vector<ShapeOf> hats(const std::vector<double>& knots) const;
   /// Knots at equal shares of the values.
   std::vector<double> quantiles(int count) const;
 
  private:
-  Eigen::VectorXd at_, moved_;
+  std::shared_ptr<const Shape> values_;
 };
 
 /// The questions about the means, one channel after the other. They are gathered, and asked about together: so
@@ -51,7 +55,7 @@ class Battery::MeanQuestions {
  private:
   struct Waiting {
     Question question;
-    std::vector<Shape> shapes;
+    std::vector<ShapeOf> shapes;
     bool of_bearing;
   };
   using OfRow = std::function<double(std::size_t)>;
@@ -75,7 +79,7 @@ class Battery::MeanQuestions {
   /// One of the recording's own covariates: powers, thresholds and a free curve.
   void ask_covariate(std::size_t column);
 
-  void ask(const std::string& covariate, const std::string& shape, std::vector<Shape> shapes,
+  void ask(const std::string& covariate, const std::string& shape, std::vector<ShapeOf> shapes,
            std::optional<double> from = {}, std::optional<double> to = {}, const std::string& group = {});
   /// A free curve, and a bump over two neighbouring intervals of it.
   void ask_smooth(const std::string& covariate, const Values& values, int knots);
@@ -88,12 +92,17 @@ class Battery::MeanQuestions {
   Eigen::VectorXd of_cells(const std::vector<double>& values) const {
     return per_row([&](std::size_t i) { return values[rows_.cell[i]]; });
   }
+  static Eigen::VectorXd by_cells(const std::vector<double>& values) {
+    return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  }
   /// Of the cells, and where they are moved.
   Values of_geometry(std::vector<double> CellGeometry::*value) const {
-    return Values(of_cells(geometry_.*value), moved_ ? of_cells(moved_->*value) : Eigen::VectorXd());
+    return Values(of_cells(geometry_.*value), moved_ ? by_cells(moved_->*value) : Eigen::VectorXd());
   }
   /// Does not follow the cells.
-  Shape fixed(const OfRow& value) const { return {per_row(value), {}}; }
+  ShapeOf fixed(OfRow value) const {
+    return [this, value = std::move(value)] { return Shape{per_row(value), {}}; };
+  }
 
   Battery& battery_;
   const Rows& rows_;

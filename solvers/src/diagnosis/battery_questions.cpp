@@ -66,14 +66,15 @@ void Battery::MeanQuestions::ask_time() {
   ask("time", "linear", {time.itself()});
   ask("time", "quadratic", {time.map([](double t) { return t * t; })});
   for (double share : {0.05, 0.15, 0.4})
-    ask("time", "exponential", {time.map([&](double t) { return std::exp(-t / (share * duration_)); })});
+    ask("time", "exponential",
+        {time.map([=, this](double t) { return std::exp(-t / (share * duration_)); })});
   for (const double at : change_points(context_))
-    ask("time", "change point", {time.map([&](double t) { return t >= at ? 1.0 : 0.0; })}, at);
+    ask("time", "change point", {time.map([at](double t) { return t >= at ? 1.0 : 0.0; })}, at);
   for (int k = 1; k <= 40; ++k) {
     const double omega = 2.0 * std::numbers::pi * k / (2.0 * duration_);
-    ask("time", "periodic", {time.map([&](double t) { return std::cos(omega * t); }), time.map([&](double t) {
-                               return std::sin(omega * t);
-                             })});
+    ask("time", "periodic",
+        {time.map([omega](double t) { return std::cos(omega * t); }),
+         time.map([omega](double t) { return std::sin(omega * t); })});
   }
   ask_smooth("time", time, 9);
 }
@@ -88,17 +89,21 @@ void Battery::MeanQuestions::ask_repeat() {
 
 void Battery::MeanQuestions::ask_landmarks() {
   for (int l = 0; l < context_.landmark_count && context_.landmark_count > 1; ++l) {
-    const auto own = [&](std::size_t i) { return rows_.landmark[i] == l ? 1.0 : 0.0; };
+    const auto own = [this, l](std::size_t i) { return rows_.landmark[i] == l ? 1.0 : 0.0; };
     const std::string& label = context_.landmark_labels[l];
     ask("landmark", "one group", {fixed(own)}, {}, {}, label);
-    const auto of_own = [&](const std::vector<double>& values) {
-      return per_row([&](std::size_t i) { return own(i) * values[rows_.cell[i]]; });
-    };
-    ask("landmark", "one group, linear in range",
-        {{of_own(geometry_.d), moved_ ? of_own(moved_->d) : Eigen::VectorXd()}}, {}, {}, label);
+    ask("landmark", "one group, linear in range", {[this, own, moved = moved_] {
+          Shape own_distance{per_row([&](std::size_t i) { return own(i) * geometry_.d[rows_.cell[i]]; }), {}};
+          if (moved) own_distance.moved = by_cells(moved->d);
+          for (Eigen::Index c = 0; c < own_distance.moved.size(); ++c)
+            own_distance.moved[c] *=
+                own(static_cast<std::size_t>(rows_.cell_begin[static_cast<std::size_t>(c)]));
+          return own_distance;
+        }},
+        {}, {}, label);
     if (context_.duration_s > 0.0)
       for (int j = 1; j < 6; ++j)
-        ask("landmark", "one group, change point", {fixed([&](std::size_t i) {
+        ask("landmark", "one group, change point", {fixed([this, own, j](std::size_t i) {
               return own(i) * (rows_.time_s[i] > duration_ * j / 6.0 ? 1.0 : 0.0);
             })},
             duration_ * j / 6.0, {}, label);
@@ -108,13 +113,13 @@ void Battery::MeanQuestions::ask_landmarks() {
 void Battery::MeanQuestions::ask_stops() {
   if (rows_.pairs || context_.stop_count > 400) return;
   for (int k = 0; k < context_.stop_count; ++k)
-    ask("stop", "one group", {fixed([&](std::size_t i) { return rows_.stop[i] == k ? 1.0 : 0.0; })}, k, k,
-        std::to_string(k));
+    ask("stop", "one group", {fixed([this, k](std::size_t i) { return rows_.stop[i] == k ? 1.0 : 0.0; })}, k,
+        k, std::to_string(k));
 }
 
 void Battery::MeanQuestions::ask_radius() {
   if (context_.several_radii)
-    ask("radius", "linear", {fixed([&](std::size_t i) { return rows_.radius_m[i]; })});
+    ask("radius", "linear", {fixed([this](std::size_t i) { return rows_.radius_m[i]; })});
 }
 
 void Battery::MeanQuestions::ask_covariate(std::size_t column) {
@@ -136,7 +141,8 @@ void Battery::MeanQuestions::ask_covariate(std::size_t column) {
   ask(name, "quadratic", {v.map([](double x) { return x * x; })});
   const std::vector<double> at = v.quantiles(9);
   for (std::size_t j = 1; j + 1 < at.size(); ++j)
-    ask(name, "threshold", {v.jump([&](double x) { return x > at[j] ? 1.0 : 0.0; })}, at[j] + mean);
+    ask(name, "threshold", {v.jump([limit = at[j]](double x) { return x > limit ? 1.0 : 0.0; })},
+        at[j] + mean);
   if (at.size() >= 3) ask(name, "smooth", v.hats(at));
 }
 

@@ -95,17 +95,17 @@ double Battery::fitted_gain(const Question& question, const Signature& fitted) c
   return std::max(0.0, gain(range) + gain(bearing) + 0.5 * (question.statistic - range - bearing));
 }
 
-Battery::Asked Battery::asked_of_rows(Question question, const std::vector<Shape>& shapes,
+Battery::Asked Battery::asked_of_rows(Question question, const std::vector<ShapeOf>& shapes,
                                       bool bearing) const {
   std::vector<Signature> block;
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(rows_.size()));
-  for (const Shape& shape : shapes) {
+  for (const ShapeOf& shape_of : shapes) {
+    const Shape shape = shape_of();
     block.push_back(bearing ? projector_.of_rows(none, shape.at) : projector_.of_rows(shape.at, none));
     if (shape.moved.size() == 0) continue;
     Eigen::VectorXd changes(rows_.cell_count);
     const Eigen::VectorXd unchanged = Eigen::VectorXd::Zero(rows_.cell_count);
-    for (int c = 0; c < rows_.cell_count; ++c)
-      changes[c] = shape.moved[rows_.cell_begin[c]] - shape.at[rows_.cell_begin[c]];
+    for (int c = 0; c < rows_.cell_count; ++c) changes[c] = shape.moved[c] - shape.at[rows_.cell_begin[c]];
     Signature& x = block.back();
     projector_.set_drift(bearing ? unchanged : changes, bearing ? changes : unchanged, x);
   }
