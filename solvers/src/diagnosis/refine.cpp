@@ -102,6 +102,43 @@ void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& option
   }
 }
 
+/// Tries other labels of a member while that gains, all of a few landmarks, of many stops the one before and the one after: a change that is
+/// far beyond the noise moves what is linearised, and the likeliest label with it.
+void try_labels(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {
+  constexpr std::size_t few = 8;
+  constexpr double level = 0.3;  // nats
+  const Effect& effect = *fit.model[member].effect;
+  const auto& parameters = effect.info().parameters;
+  const auto grid = effect.start_grid(rows.context);
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const auto index = static_cast<Eigen::Index>(j);
+    if (!parameters[j].discrete || grid_step(grid, index) > 0.0) continue;
+    std::set<double> labels;
+    for (const Eigen::VectorXd& start : grid) labels.insert(start[index]);
+    for (bool gains = true; gains;) {
+      gains = false;
+      const auto own = labels.find(fit.model[member].parameters[index]);
+      if (own == labels.end()) break;
+      const auto first = labels.size() <= few || own == labels.begin() ? labels.begin() : std::prev(own);
+      const auto last =
+          labels.size() <= few || std::next(own) == labels.end() ? labels.end() : std::next(own, 2);
+      std::vector<double> others;
+      std::copy_if(first, last, std::back_inserter(others), [&](double label) { return label != *own; });
+      std::vector<Fit> trials(others.size());
+      in_parallel(
+          others.size(),
+          [&](std::size_t i) {
+            Model model = fit.model;
+            model[member].parameters[index] = others[i];
+            trials[i] = refit(rows, model, fit.state, options);
+          },
+          jobs_at_once(rows.size()));
+      for (Fit& trial : trials)
+        if (trial.ok && trial.nll < fit.nll - level) fit = std::move(trial), gains = true;
+    }
+  }
+}
+
 /// Starts a member that jumps at a distance anew, beside the others fitted without it: readings on its wrong side have moved stops, landmarks
 /// and what else was free to where they look right, and no small move leads back.
 void start_anew(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {
@@ -215,6 +252,7 @@ void refine_member(const Rows& rows, const JointState& geometry, std::size_t mem
                    const RefitOptions& options, Fit& fit) {
   if (Sides::matter({fit.model[member]}) && fit.model.size() > 1) start_anew(rows, member, options, fit);
   scan_steps(rows, member, options, fit);
+  try_labels(rows, member, options, fit);
   if (Sides::matter({fit.model[member]}) && try_sides(rows, options, fit))
     scan_steps(rows, member, options, fit);
   if (fit.model[member].effect->info().kind == EffectKind::mean && has_effect_slope(rows, fit))

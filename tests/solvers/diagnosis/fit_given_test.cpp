@@ -30,5 +30,25 @@ TEST(FitGiven, TheOrderOfTheNamesDoesNotMatter) {
       << "as likely as what a search finds, or more";
 }
 
+// An offset of all bearings turns what a slip moves. Linearised where neither is known, the likeliest stop is often the one beside the right one.
+TEST(FitGiven, AStopIsChosenAnewBesideTheOtherCauses) {
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  options.force = {"bearing_offset", "wheel_slip"};
+  int right = 0;
+  constexpr int worlds = 6;
+  for (int i = 0; i < worlds; ++i) {
+    Random random(seed_from("FitGiven.Stop", {static_cast<std::uint64_t>(i)}));
+    world::World world = world::apply(world::make_line_design(), "bearing_offset", 0.041, random);
+    world = world::apply(world, "wheel_slip", -0.132, random);
+    const Recording recording =
+        world::simulate(world, seed_from("FitGiven.Stop", {static_cast<std::uint64_t>(i), 1}));
+    const Diagnosis diagnosis = diagnose({&recording, 1}, options);
+    for (const EffectEstimate& p : diagnosis.explanations.at(0).parameters)
+      if (p.name == "wheel_slip.stop") right += p.estimate == world.truth.at("wheel_slip.stop");
+  }
+  EXPECT_EQ(right, worlds);
+}
+
 }  // namespace
 }  // namespace rangecal

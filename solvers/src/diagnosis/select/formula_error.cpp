@@ -18,13 +18,11 @@ namespace {
 
 constexpr int orders = 3;  ///< of Legendre polynomials, and harmonics of an angle
 
-/// True of a name that changes means by a formula of one shape. One that chooses a landmark, a stop or a distance takes the shape of much
-/// that it is not, and one that is free in its shape has no error of it.
-bool has_a_formula(const Effect& effect) {
-  const EffectInfo& info = effect.info();
-  return info.kind == EffectKind::mean && !is_generic(effect) &&
-         std::none_of(info.parameters.begin(), info.parameters.end(),
-                      [](const EffectParameter& parameter) { return parameter.discrete; });
+/// True of a name that changes means by a formula of one shape. A curve that is free in its shape has no error of it, and of one that jumps
+/// at a distance chosen from the readings a jump elsewhere would pass for one.
+bool has_a_formula(const ActiveEffect& active) {
+  return active.effect->info().kind == EffectKind::mean && !is_generic(*active.effect) &&
+         !std::isfinite(active.effect->switching_distance(active.parameters.data()));
 }
 
 /// g_j at every reading, by columns; none where the covariate is the same for all.
@@ -118,7 +116,7 @@ double log_formula_allowance(const Rows& rows, const Projector& projector, const
   const auto k = static_cast<Eigen::Index>(signatures.size());
   std::vector<double> variances;
   for (std::size_t e = known; e < fit.model.size(); ++e)
-    if (has_a_formula(*fit.model[e].effect))
+    if (has_a_formula(fit.model[e]))
       add_changes_of_shape(rows, projector, fit.model[e], signatures, variances, priors.formula_error);
   const auto m = static_cast<Eigen::Index>(variances.size());
   if (m == 0) return 0.0;

@@ -18,8 +18,8 @@ namespace rangecal::diagnosis {
 ///   gain = 1/2 b^T (C^-1 + I)^-1 b - 1/2 ln |1 + C I|,   ln (1 - w + w exp(gain)) in all
 ///
 /// b, I slope and information of all c at the fit, calibration and parameters of the members integrated out; C their prior; w, tau
-/// of SelectionPriors. Curves without a name have no formula, and names that choose a landmark, a stop or a distance are not helped
-/// by it: they take the shape of much that they are not.
+/// of SelectionPriors. Curves without a name have no formula; names that jump at a distance get no such allowance, for a jump elsewhere would
+/// pass for an error of shape.
 double log_formula_allowance(const Rows& rows, const Projector& projector, const Fit& fit, std::size_t known,
                              const SelectionPriors& priors);
 

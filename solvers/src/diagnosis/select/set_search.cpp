@@ -217,10 +217,8 @@ class SetSearch {
   Hypothesis* next_to_scan() {
     Hypothesis& top = likeliest();
     if (!top.scanned) return &top;
-    for (Hypothesis* close : likeliest_within(close_by)) {
-      close->scanned = close->scanned || departs_as_one_scanned(*close);
+    for (Hypothesis* close : likeliest_within(close_by))
       if (!close->scanned) return close;
-    }
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
       if (!may_hold_fast(*top.fit.model[i].effect)) continue;
       Hypothesis* smaller = find(member_names(without(top.fit.model, i), known_count()));
@@ -257,10 +255,16 @@ class SetSearch {
 
   /// Fits what may be likelier than a set: spreads, tails and dependence beside it first, which set the scale of all else;
   /// then sets of the problem linearised there that are predicted to come near the likeliest by then, and the set without each of
-  /// its members.
+  /// its members. Where it departs from the readings as a set that was scanned, only the last, those not fitted yet: one member of it may
+  /// have stood in the other's place.
   void look_around(Hypothesis& here) {
+    const bool is_alike = &here != &likeliest() && departs_as_one_scanned(here);
     here.scanned = true;
     here.residuals = residuals_of(here.fit);
+    if (is_alike) {
+      fit_all(here, sets_without_one(here, 1, most_lost));
+      return;
+    }
     fit_all(here, asked_of_residuals(here));
     fit_likeliest_of(here, sets_linearised_at(here));
     if (&here == table_.front().get() && falls_short_of_linear(here)) fit_all(here, names_by_score(here));

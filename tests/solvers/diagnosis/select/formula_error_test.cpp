@@ -111,6 +111,27 @@ TEST(FormulaAllowance, IsSmallWhereTheFormulaIsRightAndLargeWhereItIsOff) {
   EXPECT_GT(fitted_by_depth(camera(0.3, "FormulaAllowance")).allowance, 5.0);
 }
 
+TEST(FormulaAllowance, ANameThatChoosesALandmarkHasAFormula) {
+  const auto allowance = [](double off) {
+    Recording recording = testing::recording_with({}, "FormulaAllowance.Landmark");
+    Readings& readings = recording.readings;
+    for (std::size_t i = 0; i < readings.size(); ++i)
+      if (readings.landmark[i] == 0)
+        readings.range_m[i] += 0.03 * (1.0 + off * std::sin(4.0 * readings.range_m[i]));
+    const testing::SeedFit seed(recording);
+    const Effect* reflectance = find_effect("target_reflectance");
+    Fit best;
+    for (const Eigen::VectorXd& start : reflectance->start_grid(seed.rows.context)) {
+      Fit fit = refit(seed.rows, {{reflectance, start}}, seed.fit.state, seed.options);
+      if (fit.ok && (!best.ok || fit.nll < best.nll)) best = std::move(fit);
+    }
+    const Projector projector(seed.rows, working_problem(seed.rows, best.model, best.state), best.state);
+    return log_formula_allowance(seed.rows, projector, best, 0, {});
+  };
+  EXPECT_NEAR(allowance(0.0), 0.0, 0.5);
+  EXPECT_GT(allowance(0.4), 2.0);
+}
+
 TEST(FormulaAllowance, ACurveHasNoFormula) {
   const testing::SeedFit seed = camera(0.3, "FormulaAllowance");
   GenericEffect curve(CurveChannel::range, "range", "sensor_bearing",
