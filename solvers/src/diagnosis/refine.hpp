@@ -12,6 +12,7 @@ bool has_many_optima(const Effect& effect);
 ///
 ///   a jump's distance             from all starts beside the other members fitted without it, and with places carried over the jump
 ///   a jump's distance, a sector   on a grid an eighth as wide as its starts
+///   a landmark, a stop            every other one of a few labels, of many the one before and the one after, as long as that gains
 ///   a fast period                 a quarter of a peak's width at a time, from `geometry`: stops and landmarks as they are without
 ///                                 the member
 void refine_member(const Rows& rows, const JointState& geometry, std::size_t member,

@@ -212,8 +212,8 @@ class SetSearch {
     return effect.info().kind != EffectKind::mean || (!is_generic(effect) && has_many_optima(effect));
   }
 
-  /// The likeliest set; then, for the best may not be seen from there, the next likeliest of those that show something else,
-  /// and the likeliest without each member that may hold the others fast. Null when all of these were scanned.
+  /// The likeliest set; then, for the best may not be seen from there, the next likeliest, and the likeliest without each member that
+  /// may hold the others fast. Null when all of these were scanned.
   Hypothesis* next_to_scan() {
     Hypothesis& top = likeliest();
     if (!top.scanned) return &top;
