@@ -6,6 +6,7 @@
 #include <numbers>
 #include <set>
 
+#include "diagnosis/fit_given.hpp"
 #include "diagnosis/preprocess.hpp"
 #include "diagnosis/report.hpp"
 #include "rangecal/core/distributions.hpp"
@@ -103,6 +104,31 @@ std::optional<double> log_p_of(std::span<const Recording> recordings, const std:
   }
 }
 
+/// The seed model with these effects, fitted to recordings.
+struct GivenFit {
+  Fit fit;
+  int parameters = 0;    ///< of the curve, the noise and the effects: what recordings of one sensor share
+  double alarm_p = 1.0;  ///< of what is left
+};
+
+GivenFit fit_effects(std::span<const Recording> recordings, const std::vector<std::string>& effects,
+                     const DiagnoseOptions& options) {
+  const Rows rows = make_rows(recordings);
+  const Bookkeeping known = find_grids_and_gaps(rows);
+  RefitOptions refit_options;
+  SearchResult result = scan_seed_model(rows, known, options, refit_options);
+  if (!effects.empty()) fit_given(rows, effects, refit_options, result);
+  GivenFit given;
+  given.fit = effects.empty() ? std::move(result.baseline) : std::move(result.best.fit);
+  given.alarm_p = effects.empty() ? result.alarm_p : result.last->alarm_p();
+  const JointState& state = given.fit.state;
+  given.parameters =
+      static_cast<int>(state.alpha.size() + state.noise.parameters.size()) + (rows.reads_bearings() ? 1 : 0);
+  for (const ActiveEffect& active : given.fit.model)
+    given.parameters += static_cast<int>(active.parameters.size());
+  return given;
+}
+
 /// The simulation departs from the seed model: what both share is taken out reading by reading.
 Diagnosis diagnose_difference(std::span<const Recording> recordings, std::span<const Recording> simulation,
                               std::span<const Recording> differences, const DiagnoseOptions& of_difference,
@@ -112,35 +138,8 @@ Diagnosis diagnose_difference(std::span<const Recording> recordings, std::span<c
                       "the simulation departs from the seed model itself; the recording was compared with it "
                       "reading by reading");
   if (result.verdict == Verdict::no_mismatch || options.force) return result;
-  // Noise, tails, dependence and grids do not cancel in a difference: they are a mismatch only if the
-  // simulation lacks them.
-  const auto cancels = [](const std::string& id) {
-    const Effect* effect = find_effect(id);
-    return effect && effect->info().kind == EffectKind::mean;
-  };
-  const std::string channel = result.location.empty() ? "" : result.location[0].channel;
-  const bool generic = std::find(result.final_effects.begin(), result.final_effects.end(), "generic") !=
-                       result.final_effects.end();
-  if ((generic && (channel == "range" || channel == "bearing")) ||
-      std::any_of(result.final_effects.begin(), result.final_effects.end(), cancels))
-    return result;
-  DiagnoseOptions alone = options;
-  alone.simulation.reset();
-  alone.held_out = alone.unseen = alone.next_experiments = false;
-  const Diagnosis of_simulation = diagnose(simulation, alone), of_recording = diagnose(recordings, alone);
-  std::set<std::string> shared(of_simulation.final_effects.begin(), of_simulation.final_effects.end());
-  for (const Explanation& e : of_simulation.explanations) shared.insert(e.effects.begin(), e.effects.end());
-  const bool all_shared = of_recording.verdict != Verdict::unobservable &&
-                          std::all_of(of_recording.final_effects.begin(), of_recording.final_effects.end(),
-                                      [&](const std::string& id) {
-                                        if (shared.count(id) > 0 || cancels(id)) return true;
-                                        const Effect* effect = find_effect(id);
-                                        if (!effect) return false;
-                                        const std::optional<double> log_p = log_p_of(
-                                            simulation, {id}, alone, effect->info().parameters.size());
-                                        return log_p && *log_p < std::log(confirm_rate);
-                                      });
-  if (all_shared) acquit(result, "what departs from the seed model is in the simulation too");
+  if (one_model_accounts_for(recordings, simulation, options))
+    acquit(result, "what departs from the seed model is in the simulation too");
   return result;
 }
 
@@ -220,6 +219,34 @@ void add_notes_of_simulation(std::span<const Recording> simulation, Diagnosis& r
 }
 
 }  // namespace
+
+bool one_model_accounts_for(std::span<const Recording> recordings, std::span<const Recording> simulation,
+                            const DiagnoseOptions& options) {
+  DiagnoseOptions alone = options;
+  alone.simulation.reset();
+  alone.progress = nullptr;
+  alone.held_out = alone.unseen = alone.next_experiments = false;
+  const Diagnosis found = diagnose(recordings, alone);
+  if (found.verdict != Verdict::explained && found.verdict != Verdict::no_mismatch) return false;
+  std::vector<std::string> effects;  // those that are searched for; the others are found again
+  for (const std::string& id : found.final_effects) {
+    const Effect* effect = find_effect(id);
+    if (!effect) return false;
+    if (!is_bookkeeping(effect->info().kind)) effects.push_back(id);
+  }
+  std::vector<Recording> both(recordings.begin(), recordings.end());
+  both.insert(both.end(), simulation.begin(), simulation.end());
+  try {
+    const GivenFit shared = fit_effects(both, effects, alone);
+    if (shared.alarm_p < options.alarm_rate) return false;
+    const double cost = shared.fit.nll - fit_effects(recordings, effects, alone).fit.nll -
+                        fit_effects(simulation, effects, alone).fit.nll;
+    return log_chi_sq_survival(2.0 * std::max(0.0, cost), shared.parameters) > std::log(confirm_rate);
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
 }  // namespace diagnosis
 
 Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,

@@ -18,6 +18,14 @@ std::optional<Recording> paired(const Recording& recording, const Recording& sim
                                 const Rows& simulation_rows, const JointState& simulation_state,
                                 int first_stop, int first_landmark);
 
+/// One model accounts for both: the effects that are found in the recordings alone, fitted to recordings and simulation at once,
+/// leave nothing in either, and sharing the parameters costs no more than chance,
+///   2 (nll_both - nll_recordings - nll_simulation) ~ chi^2 of as many degrees as there are parameters (Wilks).
+/// The difference reading by reading cannot say so of noise, which does not cancel, nor of an effect that varies over the
+/// millimetres by which the stops of two runs differ.
+bool one_model_accounts_for(std::span<const Recording> recordings, std::span<const Recording> simulation,
+                            const DiagnoseOptions& options);
+
 /// Where a seed model of the recordings' own leaves nothing, the simulation differs in the curve alone: those
 /// of range_offset, range_scale and laser_pointing that say it best, at the price of 6.5 nats each. Empty
 /// otherwise.

@@ -12,6 +12,7 @@
 
 #include "rangecal/core/errors.hpp"
 #include "solvers/diagnosis/made_recordings.hpp"
+#include "solvers/diagnosis/select/made_worlds.hpp"
 
 namespace rangecal {
 namespace {
@@ -101,6 +102,21 @@ TEST(SimulationCompare, ANoteOfTheSimulationSaysWhoseItIs) {
       diagnose_against(std::span(&recording, 1), std::span(&simulation, 1), options).notes;
   EXPECT_EQ(std::count(notes.begin(), notes.end(), "own.csv: a column is left out"), 1);
   EXPECT_EQ(std::count(notes.begin(), notes.end(), "of the simulation: sim.csv: a column is left out"), 1);
+}
+
+// The stops of a second run stand millimetres apart, where the wobble has another phase: reading by reading it does not cancel, and
+// what is left was named `pixel_locking` against the very model that holds it.
+TEST(SimulationCompare, OneModelAccountsForAWobbleOfBothAndNotForAnotherSize) {
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  const Recording recording = testing::recording_with({{"pixel_locking", 0.25}}, "SimulationCompare.Wobble");
+  const std::span<const Recording> recordings(&recording, 1);
+  Diagnosis alone = diagnose(recordings, options);
+  ASSERT_EQ(alone.final_effects, std::vector<std::string>{"pixel_locking"}) << alone.sentence;
+  EXPECT_TRUE(diagnosis::one_model_accounts_for(recordings, simulate(alone.simulation, 1), options));
+  for (const char* part : {"cosine_per_m", "sine_per_m"})
+    alone.simulation.calibration.effects.at("pixel_locking").at(part) *= 2.0;
+  EXPECT_FALSE(diagnosis::one_model_accounts_for(recordings, simulate(alone.simulation, 2), options));
 }
 
 }  // namespace
