@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <set>
 #include <utility>
@@ -62,6 +63,24 @@ std::vector<std::size_t> with_the_same_sides(const Rows& rows, const Fit& fit, s
   return middle;
 }
 
+/// Refits of a model with these values of one parameter of a member, from a geometry. A value that is not `wanted` has none.
+std::vector<Fit> fits_at(
+    const Rows& rows, const Model& model, std::size_t member, Eigen::Index parameter,
+    const std::vector<double>& values, const JointState& geometry, const RefitOptions& options,
+    const std::function<bool(std::size_t)>& wanted = [](std::size_t) { return true; }) {
+  std::vector<Fit> fits(values.size());
+  in_parallel(
+      values.size(),
+      [&](std::size_t i) {
+        if (!wanted(i)) return;
+        Model trial = model;
+        trial[member].parameters[parameter] = values[i];
+        fits[i] = refit(rows, trial, geometry, options);
+      },
+      jobs_at_once(rows.size()));
+  return fits;
+}
+
 /// Scans such parameters of a member finely around the fit. Their likelihood has steps, one
 /// where a reading changes sides; the middle of the highest one is taken, where no reading is about to.
 void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {
@@ -77,16 +96,9 @@ void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& option
     std::vector<double> values;
     for (int i = -reach; i <= reach; ++i) values.push_back(active.parameters[index] + i * step);
     const std::vector<std::size_t> tried = with_the_same_sides(rows, fit, member, index, values);
-    std::vector<Fit> fits(values.size());
-    in_parallel(
-        values.size(),
-        [&](std::size_t i) {
-          if (tried[i] != i) return;
-          Model model = fit.model;
-          model[member].parameters[index] = values[i];
-          fits[i] = refit(rows, model, fit.state, roughly(fit, options));
-        },
-        jobs_at_once(rows.size()));
+    const std::vector<Fit> fits =
+        fits_at(rows, fit.model, member, index, values, fit.state, roughly(fit, options),
+                [&](std::size_t i) { return tried[i] == i; });
     std::vector<const Fit*> scan;
     for (const std::size_t i : tried)
       if (fits[i].ok) scan.push_back(&fits[i]);
@@ -124,16 +136,7 @@ void try_labels(const Rows& rows, std::size_t member, const RefitOptions& option
           labels.size() <= few || std::next(own) == labels.end() ? labels.end() : std::next(own, 2);
       std::vector<double> others;
       std::copy_if(first, last, std::back_inserter(others), [&](double label) { return label != *own; });
-      std::vector<Fit> trials(others.size());
-      in_parallel(
-          others.size(),
-          [&](std::size_t i) {
-            Model model = fit.model;
-            model[member].parameters[index] = others[i];
-            trials[i] = refit(rows, model, fit.state, options);
-          },
-          jobs_at_once(rows.size()));
-      for (Fit& trial : trials)
+      for (Fit& trial : fits_at(rows, fit.model, member, index, others, fit.state, options))
         if (trial.ok && trial.nll < fit.nll - level) fit = std::move(trial), gains = true;
     }
   }
@@ -209,22 +212,18 @@ void try_periods(const Rows& rows, const JointState& geometry, std::size_t membe
                  const RefitOptions& options, Fit& fit) {
   constexpr int reach = 3;
   constexpr double part = 0.003;
-  const Model home = fit.model;
-  const auto& parameters = home[member].effect->info().parameters;
+  const auto& parameters = fit.model[member].effect->info().parameters;
+  Model unsized = fit.model;
+  for (std::size_t j = 0; j < parameters.size(); ++j)
+    if (parameters[j].linear) unsized[member].parameters[static_cast<Eigen::Index>(j)] = 0.0;
   for (std::size_t j = 0; j < parameters.size(); ++j) {
     if (parameters[j].linear || parameters[j].discrete) continue;
     const auto index = static_cast<Eigen::Index>(j);
-    std::vector<Fit> trials(2 * reach + 1);
-    in_parallel(
-        trials.size(),
-        [&](std::size_t i) {
-          Model model = home;
-          for (std::size_t other = 0; other < parameters.size(); ++other)
-            if (parameters[other].linear) model[member].parameters[static_cast<Eigen::Index>(other)] = 0.0;
-          model[member].parameters[index] *= 1.0 + (static_cast<double>(i) - reach) * part;
-          trials[i] = refit(rows, model, geometry, as_they_are(fit, options));
-        },
-        jobs_at_once(rows.size()));
+    std::vector<double> values;
+    for (int i = -reach; i <= reach; ++i)
+      values.push_back(unsized[member].parameters[index] * (1.0 + static_cast<double>(i) * part));
+    const std::vector<Fit> trials =
+        fits_at(rows, unsized, member, index, values, geometry, as_they_are(fit, options));
     const Fit* best = &fit;
     for (const Fit& trial : trials)
       if (trial.ok && trial.nll < best->nll) best = &trial;

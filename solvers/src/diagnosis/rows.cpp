@@ -456,11 +456,4 @@ double distance_step(double d) {
   return relative * std::max(std::abs(d), least_m);
 }
 
-ReadingView<double> moved_by(ReadingView<double> view, double h) {
-  view.d += h;
-  view.axis_distance += h;
-  view.f += h * view.slope;
-  return view;
-}
-
 }  // namespace rangecal::diagnosis

@@ -102,6 +102,11 @@ void see_row(const Rows& rows, std::size_t i, ReadingView<double>& view);
 double distance_step(double d);
 
 /// The same view from h [m] farther away.
-ReadingView<double> moved_by(ReadingView<double> view, double h);
+inline ReadingView<double> moved_by(ReadingView<double> view, double h) {
+  view.d += h;
+  view.axis_distance += h;
+  view.f += h * view.slope;
+  return view;
+}
 
 }  // namespace rangecal::diagnosis

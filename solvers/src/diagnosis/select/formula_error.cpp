@@ -2,7 +2,6 @@
 #include "diagnosis/select/formula_error.hpp"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
