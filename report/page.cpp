@@ -26,6 +26,24 @@ std::string asset(const std::string& name) {
   return std::string(found->second);
 }
 
+/// A text as HTML that shows it.
+std::string word_for_word(std::string_view text) {
+  std::string result;
+  for (char c : text) {
+    if (c == '&')
+      result += "&amp;";
+    else if (c == '<')
+      result += "&lt;";
+    else if (c == '>')
+      result += "&gt;";
+    else if (c == '"')
+      result += "&quot;";
+    else
+      result += c;
+  }
+  return result;
+}
+
 /// JSON that may stand inside a script element.
 std::string dumped(const Json& json) {
   return replaced(json.dump(-1, ' ', false, Json::error_handler_t::replace), "<", "\\u003c");
@@ -76,19 +94,7 @@ void collect_datasets(const Json& part, std::set<std::string>& names) {
 }  // namespace
 
 std::string escaped(const std::string& text) {
-  std::string result;
-  for (char c : text) {
-    if (c == '&')
-      result += "&amp;";
-    else if (c == '<')
-      result += "&lt;";
-    else if (c == '>')
-      result += "&gt;";
-    else if (c == '"')
-      result += "&quot;";
-    else
-      result += c;
-  }
+  std::string result = word_for_word(text);
   const std::pair<const char*, const char*> typeset[] = {
       {"+-", "±"}, {"-&gt;", "→"}, {"chi-square", "χ²"}, {" %", "\u00a0%"}};
   for (const auto& [plain, set] : typeset) result = replaced(std::move(result), plain, set);
@@ -188,16 +194,19 @@ Json Page::data() const {
 }
 
 std::string Page::html() const {
-  std::string libraries;
-  for (const char* name : {"vega.js", "vega-lite.js", "vega-embed.js"})
-    if (!charts_.empty())
+  std::string libraries, notices;
+  if (!charts_.empty()) {
+    for (const char* name : {"vega.js", "vega-lite.js", "vega-embed.js"})
       libraries += "<script>" + replaced(asset(name), "</script", "<\\/script") + "</script>\n";
+    notices = "<details><summary>Licences of the charting library in this page</summary><pre>" +
+              word_for_word(asset("notices.txt")) + "</pre></details>";
+  }
   std::string page = asset("page.html");
   const std::vector<std::pair<std::string, std::string>> parts{
       {"{{title}}", escaped(title_)},
       {"{{css}}", asset("page.css")},
       {"{{body}}", body_},
-      {"{{footer}}", escaped(fmt::format("rangecal {}", version()))},
+      {"{{footer}}", escaped(fmt::format("rangecal {}", version())) + notices},
       {"{{data}}", dumped(data())},
       {"{{libraries}}", libraries},
       {"{{script}}", asset("page.js")}};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Opens reports from disk in Chromium and checks what a user relies on: every chart drew marks, hover names the
 // reading beside the pointer, nothing is said on the console, nothing is asked of the network, no page is wider than its
-// screen; no label is cut off and every one can be read, in light, in dark and on paper.
+// screen, the licences of the charting library are there; no label is cut off and every one can be read, in light, in dark and on paper.
 //   node browser.mjs CHROMIUM FOLDER REPORT.html...      screenshots go to FOLDER: of what failed, and of every page (with a
 //                                                        PDF of each report) if RANGECAL_SCREENSHOTS is set
 import { createRequire } from "node:module";
@@ -121,6 +121,8 @@ try {
       }, `(${marksOf})`);
       expect(charts.length > 2, `${where}: only ${charts.length} charts`);
       for (const chart of charts) expect(chart.marks > 0, `${where}: chart ${chart.id} drew nothing`);
+      const licences = await page.evaluate(() => document.querySelector("footer pre")?.textContent ?? "");
+      expect(/^==== vega [\d.]+ \(npm\), BSD-3-Clause ====$/m.test(licences) && licences.includes("University of Washington"), `${where}: no licence of what it contains`);
       const wide = await page.evaluate("document.documentElement.scrollWidth - window.innerWidth");
       expect(wide <= 0, `${where}: ${wide} pixels wider than the screen`);
       if (screen.name === "desktop-light") {

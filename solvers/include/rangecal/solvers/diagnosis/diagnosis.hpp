@@ -200,6 +200,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
 /// Where the simulation follows the seed model, its curve is held against the recordings with its own sampling error:
 /// alpha ~ N(alpha_sim, cov_sim). Else, where the layouts match, cell by cell: the simulation's departures from its own
 /// fit are taken from the recordings' readings, and their sampling error is added, so that what both share cancels.
+/// What does not cancel (noise, a wobble whose phase moves with the stops) is no mismatch where one model accounts for both.
 /// Landmarks and stops are free. A finding must also stand in the paired comparison. Throws InputError for a
 /// simulation of another kind or with other labels.
 Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,
