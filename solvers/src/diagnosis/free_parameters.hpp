@@ -16,6 +16,9 @@ std::vector<FreeParameter> free_parameters(const Rows& rows, const Projector& pr
                                            int settled);
 
 inline double& value_of(Model& model, const FreeParameter& p) { return model[p.effect].parameters[p.index]; }
+inline double value_of(const Model& model, const FreeParameter& p) {
+  return model[p.effect].parameters[p.index];
+}
 
 inline const EffectParameter& info_of(const Model& model, const FreeParameter& p) {
   return model[p.effect].effect->info().parameters[p.index];

@@ -25,7 +25,7 @@ struct Point {
 };
 
 Point point_at(const Rows& rows, Model model, JointState state) {
-  Point point{std::move(model), std::move(state), {}};
+  Point point{.model = std::move(model), .state = std::move(state), .working = {}};
   if (!point.state.alpha.allFinite() || !(point.state.noise.parameters[0] > 0.0)) return point;
   point.working = working_problem(rows, point.model, point.state);
   const double nll = nll_at(rows, point.working, point.state);
@@ -33,18 +33,38 @@ Point point_at(const Rows& rows, Model model, JointState state) {
   return point;
 }
 
-/// What is fitted: alpha, ln sigma, then parameters of effects, those of tails in their logarithms.
+constexpr double largest_logit = 8.0;  // of a sequence's parameter between its bounds
+
+double logit_between(std::pair<double, double> bounds, double value) {
+  const double share = (value - bounds.first) / (bounds.second - bounds.first);
+  return std::clamp(std::log(share / (1.0 - share)), -largest_logit, largest_logit);
+}
+
+double at_logit(std::pair<double, double> bounds, double logit) {
+  return bounds.first + (bounds.second - bounds.first) / (1.0 + std::exp(-logit));
+}
+
+SerialErrors serial_errors(const Rows& rows, const Model& model) {
+  const Dependence dependence = dependence_of(model);
+  return SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
+}
+
+/// What is fitted: alpha, ln sigma, then parameters of effects, those of tails in their logarithms, those of the sequence in
+/// their logits.
 class Scoring {
  public:
   Scoring(const Rows& rows, const Fit& fit, const RefitOptions& options)
       : rows_(rows), options_(options), alphas_(fit.state.alpha.size()) {
     for (const FreeParameter& p : fit.free)
-      if (p.acts != FreeParameter::Acts::numeric || is_of_tail(fit.model, p)) own_.push_back(p);
+      if (p.acts != FreeParameter::Acts::numeric || is_of_tail(fit.model, p) ||
+          is_of_sequence(rows, fit.model, p))
+        own_.push_back(p);
     tails_ = has_tails(fit.model);
   }
 
   ScoringSlopes at(const Point& point) const;
-  /// The point a step away, every parameter within its bounds.
+  /// The part of a step that stays within the bounds of every parameter, and moves none by too much at a time.
+  Eigen::VectorXd within(const Point& from, Eigen::VectorXd step) const;
   Point moved(const Point& from, const Eigen::VectorXd& step) const;
 
  private:
@@ -54,8 +74,10 @@ class Scoring {
   }
   void add_slopes_of_effects(const Point& point, const CellGeometry& geometry, Columns& means,
                              Columns& spreads) const;
+  /// Adds the slopes of the log likelihood of every one-step prediction in the sequence's parameters; z: errors / spreads.
+  void add_slopes_of_sequence(const Point& point, const Eigen::VectorXd& z, Columns& each) const;
   /// What does not move: what is held, and what its slope leads beyond a bound.
-  void hold(const Point& point, ScoringSlopes& slopes) const;
+  std::vector<Eigen::Index> held(const Point& point, const Eigen::VectorXd& score) const;
 
   const Rows& rows_;
   const RefitOptions& options_;
@@ -107,81 +129,128 @@ ScoringSlopes Scoring::at(const Point& point) const {
   const WorkingProblem& working = point.working;
   CellGeometry geometry = cell_geometry(rows_, point.state);
   geometry.stages = working.stages;
-  Columns means = Columns::Zero(n, count()), spreads = means;  // slopes of f / s, of ln s
+  Columns means = Columns::Zero(n, count()), spreads = means,
+          levels = means;  // slopes of f, of ln s by effects, by the calibration
   const double power = geometry.spread_power;
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
     double u = 1.0;
     for (Eigen::Index a = 0; a < alphas_; ++a, u *= geometry.u[cell]) {
       means(i, a) = u;
-      spreads(i, a) = power * u / geometry.f[cell];
+      levels(i, a) = power * u / geometry.f[cell];
     }
-    spreads(i, alphas_) = 1.0;
+    levels(i, alphas_) = 1.0;
   }
   add_slopes_of_effects(point, geometry, means, spreads);
-  Eigen::VectorXd z(n);
+  Eigen::VectorXd root(n), z(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
-    const double root = working.range_whitening.scale_of(i) / geometry.spread[cell];
-    z[i] = root * (working.range[i] - geometry.f[cell]);
-    means.row(i) *= root;
+    root[i] = working.range_whitening.scale_of(i) / geometry.spread[cell];
+    z[i] = root[i] * (working.range[i] - geometry.f[cell]);
   }
-  const Eigen::VectorXd pull = working.serial.transposed(working.serial.whitened(z));
-  Eigen::VectorXd off = z.cwiseProduct(pull).array() - 1.0;
-  if (working.tail_square.size() > 0) off += working.tail_square;
-  const Columns of_means = pull.asDiagonal() * means;
-  Columns slopes = of_means;
-  slopes += off.asDiagonal() * spreads;
-  if (tails_)
-    slopes.rightCols(static_cast<Eigen::Index>(own_.size())) +=
-        tail_slopes(rows_, point.model, working, geometry, own_);
-  ScoringSlopes out{slopes.colwise().sum().transpose(), {}};
-  const Columns white = working.serial.whitened_columns(means);
-  if (!tails_) {
-    out.information = white.transpose() * white;
-    out.information += 2.0 * spreads.transpose() * spreads;
-  } else {
-    for (Eigen::Index a = 0; a < slopes.cols() && !working.serial.independent(); ++a) {
-      const double each = of_means.col(a).squaredNorm(), along = white.col(a).squaredNorm();
-      if (each > 0.0) slopes.col(a) += (std::sqrt(along / each) - 1.0) * of_means.col(a);
+  const bool along = !working.serial.independent();
+  Columns each, of_z;  // slopes of every row's log density, and of its z
+  if (tails_) {
+    const LawSlopes law = law_slopes(rows_, point.model, working, geometry, own_);
+    each = law.density_in_spread.asDiagonal() * spreads;
+    each += law.density_in_level.asDiagonal() * levels;
+    each.rightCols(static_cast<Eigen::Index>(own_.size())) += law.density_in_parameters;
+    if (along) {
+      of_z = law.error_in_spread.asDiagonal() * spreads;
+      of_z += law.error_in_level.asDiagonal() * levels;
+      of_z -= law.error_in_error.asDiagonal() * means;
+      of_z.rightCols(static_cast<Eigen::Index>(own_.size())) += law.error_in_parameters;
     }
-    out.information = slopes.transpose() * slopes;
+  } else {
+    spreads += levels;
+    each = (z.array().square() - 1.0).matrix().asDiagonal() * spreads;
+    of_z = -(z.asDiagonal() * spreads);
+    of_z -= root.asDiagonal() * means;
   }
+  each += z.cwiseProduct(root).asDiagonal() * means;
+  if (along) {
+    each += z.asDiagonal() * of_z;
+    each -= working.serial.whitened(z).asDiagonal() * working.serial.whitened_columns(of_z);
+    add_slopes_of_sequence(point, z, each);
+  }
+  ScoringSlopes out{each.colwise().sum().transpose(), each.transpose() * each, {}};
   for (std::size_t a = 0; a < own_.size(); ++a) {
     const double scale =
         own_[a].acts == FreeParameter::Acts::numeric ? 1.0 : size_of(info_of(point.model, own_[a]));
     out.information(place_of(a), place_of(a)) += 1e-6 / (scale * scale);
   }
-  hold(point, out);
+  out.held = held(point, out.score);
   return out;
 }
 
-void Scoring::hold(const Point& point, ScoringSlopes& slopes) const {
-  const auto stays = [&](Eigen::Index a) { diagnosis::hold(a, slopes.score, slopes.information); };
-  for (Eigen::Index a = 0; options_.held.alpha && a < alphas_; ++a) stays(a);
-  if (options_.held.sigmas) stays(alphas_);
+void Scoring::add_slopes_of_sequence(const Point& point, const Eigen::VectorXd& z, Columns& each) const {
+  constexpr double h = 1e-4;  // of a logit
+  for (std::size_t a = 0; a < own_.size(); ++a) {
+    if (!is_of_sequence(rows_, point.model, own_[a])) continue;
+    const auto bounds = bounds_of(rows_, point.model, own_[a]);
+    const double logit = logit_between(bounds, value_of(point.model, own_[a]));
+    const auto log_density = [&](double at) {  // of every prediction
+      Model model = point.model;
+      value_of(model, own_[a]) = at_logit(bounds, at);
+      const SerialErrors errors = serial_errors(rows_, model);
+      Eigen::VectorXd value = -0.5 * errors.whitened(z).array().square();
+      for (Eigen::Index i = 0; i < value.size() && !errors.independent(); ++i)
+        value[i] -= errors.log_spread(i);
+      return value;
+    };
+    each.col(place_of(a)) += (log_density(logit + h) - log_density(logit - h)) / (2.0 * h);
+  }
+}
+
+std::vector<Eigen::Index> Scoring::held(const Point& point, const Eigen::VectorXd& score) const {
+  std::vector<Eigen::Index> stay;
+  for (Eigen::Index a = 0; options_.held.alpha && a < alphas_; ++a) stay.push_back(a);
+  if (options_.held.sigmas) stay.push_back(alphas_);
   for (std::size_t a = 0; a < own_.size(); ++a)
-    if (is_stuck(rows_, point.model, own_[a], slopes.score[place_of(a)])) stays(place_of(a));
+    if (is_stuck(rows_, point.model, own_[a], score[place_of(a)])) stay.push_back(place_of(a));
+  return stay;
+}
+
+Eigen::VectorXd Scoring::within(const Point& from, Eigen::VectorXd step) const {
+  constexpr double longest = 1.5;  // of a logarithm: a factor of 4.5
+  const auto cut = [](double by, double limit) { return std::clamp(by, -limit, limit); };
+  step[alphas_] = cut(step[alphas_], longest);
+  for (std::size_t a = 0; a < own_.size(); ++a) {
+    const FreeParameter& p = own_[a];
+    const auto [low, high] = bounds_of(rows_, from.model, p);
+    const double value = value_of(from.model, p);
+    double& by = step[place_of(a)];
+    if (is_of_sequence(rows_, from.model, p)) {
+      const double logit = logit_between({low, high}, value);
+      by = std::clamp(logit + cut(by, longest), -largest_logit, largest_logit) - logit;
+    } else if (p.acts == FreeParameter::Acts::numeric) {
+      by = value > 0.0 ? std::clamp(cut(by, longest), std::log(low / value), std::log(high / value)) : 0.0;
+    } else {
+      // A non-linear parameter moves by at most a third of its bounds at a time.
+      const double limit =
+          info_of(from.model, p).linear ? std::numeric_limits<double>::infinity() : 0.33 * (high - low);
+      by = std::clamp(cut(by, limit), low - value, high - value);
+    }
+  }
+  return step;
 }
 
 Point Scoring::moved(const Point& from, const Eigen::VectorXd& step) const {
-  constexpr double longest = 1.5;  // of a logarithm: a factor of 4.5
   JointState state = from.state;
   Model model = from.model;
   state.alpha += step.head(alphas_);
-  state.noise.parameters[0] *= std::exp(std::clamp(step[alphas_], -longest, longest));
+  state.noise.parameters[0] *= std::exp(step[alphas_]);
   for (std::size_t a = 0; a < own_.size(); ++a) {
     const FreeParameter& p = own_[a];
     const auto [low, high] = bounds_of(rows_, model, p);
     double& value = value_of(model, p);
     const double by = step[place_of(a)];
-    // A non-linear parameter moves by at most a third of its bounds at a time.
-    const double limit =
-        info_of(model, p).linear ? std::numeric_limits<double>::infinity() : 0.33 * (high - low);
-    const double to = p.acts == FreeParameter::Acts::numeric
-                          ? value * std::exp(std::clamp(by, -longest, longest))
-                          : value + std::clamp(by, -limit, limit);
-    value = std::clamp(to, low, high);
+    if (is_of_sequence(rows_, model, p)) {
+      value = at_logit({low, high}, logit_between({low, high}, value) + by);
+    } else {
+      const double to = p.acts == FreeParameter::Acts::numeric ? value * std::exp(by) : value + by;
+      value = std::clamp(to, low, high);
+    }
   }
   return point_at(rows_, std::move(model), std::move(state));
 }
@@ -219,26 +288,19 @@ Point start_of(const Rows& rows, const RefitOptions& options, const Fit& fit) {
 }  // namespace
 
 bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail) {
-  constexpr int most_alternations = 6;  // of the sequence's parameters and the others
-  constexpr double settled = 0.01;      // nats
   RefitOptions staying = options;
   staying.places_stay = true;
   const Scoring scoring(rows, fit, options);
   Point here = start_of(rows, staying, fit);
   if (!std::isfinite(here.nll)) return false;
-  for (int alternation = 0; alternation < most_alternations; ++alternation) {
-    const double before = here.nll;
-    auto likeliest = likeliest_sequence(rows, fit.free, here.model, here.working, here.state);
-    if (likeliest) {
-      Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
-      if (next.nll < here.nll) here = std::move(next);
-      if (alternation > 0 && !(before - here.nll > settled)) break;
-    }
-    here = scored(
-        "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },
-        [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
-    if (!likeliest || !(before - here.nll > settled)) break;
+  if (auto likeliest = likeliest_sequence(rows, fit.free, here.model, here.working, here.state)) {
+    Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
+    if (next.nll < here.nll) here = std::move(next);
   }
+  here = scored(
+      "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },
+      [&](const Point& point, const Eigen::VectorXd& step) { return scoring.within(point, step); },
+      [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
   const double value = calibrate_under(rows, here.model, here.state, staying, &detail);
   if (!std::isfinite(value)) return false;
   fit.nll = value;

@@ -10,15 +10,16 @@ namespace rangecal::diagnosis {
 bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& state,
                        const RefitOptions& options);
 
-/// Fits curve, noise and all free parameters of effects together by scoring, those of the sequence in turn with the others. With z_i = e_i / s_i under
-/// the weights that tails give, V their correlation, pull = V^-1 z, and r_i the squares that are expected of reading i,
+/// Fits curve, noise and all free parameters of effects together by scoring. e_i are the errors of the readings, p_i their laws with standard
+/// deviations s_i, g_i = sqrt(w_i) (e_i / s_i - a_i) under the Gaussian that stands for p_i (tail_law.hpp), and u = K g the
+/// errors of the one-step predictions along the sequence, in units of their standard deviations r_i (serial_errors.hpp):
 ///
-///   slope in a mean:         g_i = pull_i (df_i/da) / s_i
-///   slope in a log spread:   g_i = (r_i - 1) d ln s_i / da          r_i = z_i pull_i + its tail's variance
-///   slope in u = ln p of a tail:  g_i = d ln p(e_i) / du
-/// with steps by the information I (damped_scoring.hpp). I is Fisher's information; beside tails sum g_i g_i^T (Berndt, Hall, Hall, Hausman 1974), along a sequence with the slopes in
-/// means rescaled to Fisher's own information on them, to which single readings do not add up. A step costs one pass over the readings. The calibration is solved for at the end: `detail`. False, and nothing done, where the start or that solve is
-/// outside of the model's domain.
+///   NLL = sum_i (-ln p_i(e_i) - g_i^2 / 2 + u_i^2 / 2 + ln r_i)
+///
+/// Every reading's slope of this sum is known in alpha, ln sigma, in the parameters of effects and tails, and in those of the sequence;
+/// where errors are independent, u = g, and the slopes are those of ln p. Steps are by sum slope slope^T (Berndt, Hall, Hall,
+/// Hausman 1974) and what it is found to lack (damped_scoring.hpp); a step costs one pass over the readings. The calibration is solved for
+/// at the end: `detail`. False, and nothing done, where the start or that solve is outside of the model's domain.
 bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail);
 
 }  // namespace rangecal::diagnosis

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <vector>
 
 namespace rangecal::diagnosis {
@@ -38,6 +39,8 @@ class SerialErrors {
   Eigen::VectorXd transposed(const Eigen::VectorXd& u) const;          ///< K^T u
   Eigen::VectorXd coloured(const Eigen::VectorXd& u) const;            ///< K^-1 u
   Eigen::VectorXd transpose_coloured(const Eigen::VectorXd& v) const;  ///< K^-T v
+  /// ln of the standard deviation of the error of a row's one-step prediction.
+  double log_spread(Eigen::Index row) const { return std::log(root_[static_cast<std::size_t>(row)]); }
   /// ln det of the errors' covariance, -2 ln det K.
   double log_determinant() const { return log_determinant_; }
 

@@ -11,14 +11,98 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Error and spread of a row to which the law of a tail applies, the spread times exp(log_level).
+/// Error and spread of a row to which the law of a tail applies.
 std::pair<double, double> error_and_spread(const Rows& rows, const WorkingProblem& working,
-                                           const CellGeometry& geometry, Eigen::Index row, double log_level) {
+                                           const CellGeometry& geometry, Eigen::Index row) {
   const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(row)]);
   const double change = working.range_log_variance.size() > 0 ? 0.5 * working.range_log_variance[row] : 0.0;
-  return {working.range_of_tail(row) - geometry.f[cell],
-          geometry.spread[cell] * std::exp(change + log_level)};
+  return {working.range_of_tail(row) - geometry.f[cell], geometry.spread[cell] * std::exp(change)};
 }
+
+}  // namespace
+
+bool is_of_tail(const Model& model, const FreeParameter& p) {
+  return p.acts == FreeParameter::Acts::numeric && is_tail(model[static_cast<std::size_t>(p.effect)]);
+}
+
+namespace {
+
+/// True if some tail is measured by the calibration's spread.
+bool is_measured_by_spread(const Rows& rows, const CellGeometry& geometry, const Model& model) {
+  ReadingView<double> view = view_of(rows, geometry, 0), wider = view;
+  wider.spread *= 2.0;
+  return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& active) {
+    if (!is_tail(active)) return false;
+    const Contamination at = active.effect->contamination(view, active.parameters.data()),
+                        of_wider = active.effect->contamination(wider, active.parameters.data());
+    return at.extra_sigma_m != of_wider.extra_sigma_m || at.mean_m != of_wider.mean_m ||
+           at.share != of_wider.share;
+  });
+}
+
+}  // namespace
+
+LawSlopes law_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
+                     const CellGeometry& geometry, const std::vector<FreeParameter>& parameters) {
+  constexpr double h = 1e-6;  // of ln s, of e / s and of a parameter's logarithm
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  const bool along = !working.serial.independent();
+  struct At {
+    double density, error;
+    At slope_from(const At& from) const { return {(density - from.density) / h, (error - from.error) / h}; }
+  };
+  const auto at = [](const TailLaw& law, double error, double spread) -> At {
+    const double z = error / spread;
+    if (law.empty()) return {-0.5 * z * z - std::log(spread), z};
+    const LogDensity of_law = law.density(error, spread);
+    return {of_law.value - std::log(spread), std::sqrt(of_law.weight) * (z - of_law.shift)};
+  };
+  LawSlopes out;
+  for (auto* column : {&out.error_in_error, &out.density_in_spread, &out.error_in_spread}) column->resize(n);
+  for (auto* columns : {&out.density_in_parameters, &out.error_in_parameters})
+    columns->setZero(n, static_cast<Eigen::Index>(parameters.size()));
+  const double more = std::exp(h);
+  std::vector<At> here(rows.size());
+  TailLaws laws(rows, geometry, model);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto row = static_cast<std::size_t>(i);
+    const TailLaw& law = laws.of(row);
+    const auto [error, spread] = error_and_spread(rows, working, geometry, i);
+    here[row] = at(law, error, spread);
+    if (along)
+      out.error_in_error[i] = at(law, error + h * spread, spread).slope_from(here[row]).error / spread;
+    const At slope = at(law, error, more * spread).slope_from(here[row]);
+    out.density_in_spread[i] = slope.density, out.error_in_spread[i] = slope.error;
+  }
+  out.density_in_level = out.density_in_spread, out.error_in_level = out.error_in_spread;
+  if (is_measured_by_spread(rows, geometry, model)) {
+    CellGeometry wide = geometry;
+    for (double& s : wide.spread) s *= more;
+    TailLaws wider(rows, wide, model);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto row = static_cast<std::size_t>(i);
+      const auto [error, spread] = error_and_spread(rows, working, geometry, i);
+      const At slope = at(wider.of(row), error, more * spread).slope_from(here[row]);
+      out.density_in_level[i] = slope.density, out.error_in_level[i] = slope.error;
+    }
+  }
+  for (std::size_t a = 0; a < parameters.size(); ++a) {
+    if (!is_of_tail(model, parameters[a])) continue;
+    Model up = model;
+    value_of(up, parameters[a]) *= more;
+    TailLaws high(rows, geometry, up);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto row = static_cast<std::size_t>(i);
+      const auto [error, spread] = error_and_spread(rows, working, geometry, i);
+      const At slope = at(high.of(row), error, spread).slope_from(here[row]);
+      out.density_in_parameters(i, static_cast<Eigen::Index>(a)) = slope.density;
+      out.error_in_parameters(i, static_cast<Eigen::Index>(a)) = slope.error;
+    }
+  }
+  return out;
+}
+
+namespace {
 
 /// A parameter of a tail, and the tail with that parameter a little larger and smaller.
 struct Probe {
@@ -27,15 +111,11 @@ struct Probe {
   ActiveEffect up, down;
 };
 
-}  // namespace
-
-bool is_of_tail(const Model& model, const FreeParameter& p) {
-  return p.acts == FreeParameter::Acts::numeric && is_tail(model[static_cast<std::size_t>(p.effect)]);
-}
-
+/// d ln p(e_i) / d ln p_k [rows x parameters]: slopes of the log density of every reading's error e_i under the laws of the
+/// model's tails, and in `of_log_spread` those in ln s.
 SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
                                   const CellGeometry& geometry, const std::vector<FreeParameter>& parameters,
-                                  double log_level, Eigen::VectorXd* of_log_spread) {
+                                  Eigen::VectorXd& of_log_spread) {
   constexpr double h = 1e-6;  // of the logarithm; share and size are nearly linear in a parameter
   SerialErrors::Columns slopes = SerialErrors::Columns::Zero(static_cast<Eigen::Index>(rows.size()),
                                                              static_cast<Eigen::Index>(parameters.size()));
@@ -48,7 +128,7 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
     probes.back().up.parameters[p.index] *= std::exp(h);
     probes.back().down.parameters[p.index] *= std::exp(-h);
   }
-  if (of_log_spread) of_log_spread->setZero(slopes.rows());
+  of_log_spread.setZero(slopes.rows());
   if (probes.empty()) return slopes;
   TailLaws laws(rows, geometry, model);
   for (Eigen::Index i = 0; i < slopes.rows(); ++i) {
@@ -56,12 +136,10 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
     const TailLaw& law = laws.of(row);
     if (law.empty()) continue;
     TailLaw::Slopes in;
-    const auto [error, spread] = error_and_spread(rows, working, geometry, i, log_level);
+    const auto [error, spread] = error_and_spread(rows, working, geometry, i);
     const LogDensity at = law.density(error, spread, &in);
-    if (of_log_spread) {
-      const double off = error / spread - at.shift;
-      (*of_log_spread)[i] = at.weight * off * off + at.extra_square - 1.0;
-    }
+    const double off = error / spread - at.shift;
+    of_log_spread[i] = at.weight * off * off + at.extra_square - 1.0;
     const ReadingView<double> view = view_of(rows, geometry, row);
     for (const Probe& probe : probes)
       for (std::size_t k = 0; k < laws.effects().size(); ++k) {
@@ -76,8 +154,6 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
   }
   return slopes;
 }
-
-namespace {
 
 /// Tails, and the level of the spreads, with the errors held fixed.
 struct TailPoint {
@@ -95,16 +171,17 @@ class TailsAtErrors {
         working_(working_problem(rows, fit.model, fit.state)),
         geometry_(cell_geometry(rows, fit.state)) {
     Eigen::VectorXd of_level;
-    tail_slopes(rows, fit.model, working_, geometry_, tails, 0.0, &of_level);
+    tail_slopes(rows, fit.model, working_, geometry_, tails, of_level);
     score_of_level_ = of_level.sum();
   }
 
   TailPoint point_at(Model model, double log_level) const {
-    TailPoint point{std::move(model), log_level, score_of_level_ * log_level};
-    TailLaws laws(rows_, geometry_, point.model);
+    TailPoint point{.model = std::move(model), .log_level = log_level, .nll = score_of_level_ * log_level};
+    const CellGeometry geometry = at_level(log_level);
+    TailLaws laws(rows_, geometry, point.model);
     for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(rows_.size()); ++i) {
       const TailLaw& law = laws.of(static_cast<std::size_t>(i));
-      const auto [error, spread] = error_and_spread(rows_, working_, geometry_, i, log_level);
+      const auto [error, spread] = error_and_spread(rows_, working_, geometry, i);
       point.nll += std::log(spread) -
                    (law.empty() ? -0.5 * std::pow(error / spread, 2) : law.density(error, spread).value);
     }
@@ -115,32 +192,46 @@ class TailsAtErrors {
     const auto n = static_cast<Eigen::Index>(tails_.size());
     Eigen::VectorXd of_level;
     SerialErrors::Columns each(static_cast<Eigen::Index>(rows_.size()), n + 1);
-    each.leftCols(n) =
-        tail_slopes(rows_, point.model, working_, geometry_, tails_, point.log_level, &of_level);
+    each.leftCols(n) = tail_slopes(rows_, point.model, working_, at_level(point.log_level), tails_, of_level);
     each.col(n) = of_level;
-    ScoringSlopes out{each.colwise().sum().transpose(), each.transpose() * each};
+    ScoringSlopes out{each.colwise().sum().transpose(), each.transpose() * each, {}};
     out.score[n] -= score_of_level_;
-    for (Eigen::Index a = 0; a < n; ++a) {
-      if (!is_stuck(rows_, point.model, tails_[static_cast<std::size_t>(a)], out.score[a])) continue;
-      hold(a, out.score, out.information);
-    }
+    for (Eigen::Index a = 0; a < n; ++a)
+      if (is_stuck(rows_, point.model, tails_[static_cast<std::size_t>(a)], out.score[a]))
+        out.held.push_back(a);
     out.information.diagonal().array() += 1e-6 * (1.0 + out.information.diagonal().array());
     return out;
   }
 
-  TailPoint moved(const TailPoint& from, const Eigen::VectorXd& step) const {
+  Eigen::VectorXd within(const TailPoint& from, const Eigen::VectorXd& step) const {
     constexpr double longest = 1.5;  // of a logarithm: a factor of 4.5
+    Eigen::VectorXd part = step.cwiseMin(longest).cwiseMax(-longest);
+    for (std::size_t a = 0; a < tails_.size(); ++a) {
+      const auto [low, high] = bounds_of(rows_, from.model, tails_[a]);
+      const double value = value_of(from.model, tails_[a]);
+      double& by = part[static_cast<Eigen::Index>(a)];
+      by = value > 0.0 ? std::clamp(by, std::log(low / value), std::log(high / value)) : 0.0;
+    }
+    return part;
+  }
+
+  TailPoint moved(const TailPoint& from, const Eigen::VectorXd& step) const {
     Model model = from.model;
     for (std::size_t a = 0; a < tails_.size(); ++a) {
       const auto [low, high] = bounds_of(rows_, model, tails_[a]);
       double& value = value_of(model, tails_[a]);
-      const double by = std::clamp(step[static_cast<Eigen::Index>(a)], -longest, longest);
-      value = std::clamp(value * std::exp(by), low, high);
+      value = std::clamp(value * std::exp(step[static_cast<Eigen::Index>(a)]), low, high);
     }
-    return point_at(std::move(model), from.log_level + std::clamp(step[step.size() - 1], -longest, longest));
+    return point_at(std::move(model), from.log_level + step[step.size() - 1]);
   }
 
  private:
+  CellGeometry at_level(double log_level) const {
+    CellGeometry geometry = geometry_;
+    for (double& s : geometry.spread) s *= std::exp(log_level);
+    return geometry;
+  }
+
   const Rows& rows_;
   const std::vector<FreeParameter>& tails_;
   WorkingProblem working_;
@@ -154,6 +245,7 @@ Model likeliest_tails(const Rows& rows, const Fit& fit, const std::vector<FreePa
   const TailsAtErrors at(rows, fit, tails);
   return scored(
              "tails", at.point_at(fit.model, 0.0), [&](const TailPoint& point) { return at.slopes(point); },
+             [&](const TailPoint& point, const Eigen::VectorXd& step) { return at.within(point, step); },
              [&](const TailPoint& point, const Eigen::VectorXd& step) { return at.moved(point, step); })
       .model;
 }

@@ -11,12 +11,19 @@ namespace rangecal::diagnosis {
 /// True if the parameter belongs to a tail's law, whose slope is computed reading by reading.
 bool is_of_tail(const Model& model, const FreeParameter& p);
 
-/// d ln p(e_i) / d ln p_k [rows x parameters]: slopes of the log density of every reading's error e_i under the laws of the
-/// model's tails; its spread is exp(log_level) times that of `working` and `geometry`. 0 for parameters of no tail.
-/// `of_log_spread`: if not null, gets the slopes in ln s.
-SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
-                                  const CellGeometry& geometry, const std::vector<FreeParameter>& parameters,
-                                  double log_level = 0.0, Eigen::VectorXd* of_log_spread = nullptr);
+/// How the law of a row's error e_i depends on what is fitted: slopes of its log density ln p(e_i) and of the error under the Gaussian
+/// that stands for it, g_i = sqrt(w_i) (e_i / s_i - a_i) with weight w and shift a.
+struct LawSlopes {
+  Eigen::VectorXd error_in_error;  ///< d g_i / d e_i [1/m]
+  /// In ln s_i where the sizes of the tails stay, and where the calibration's spread moves, which some tails are measured by.
+  Eigen::VectorXd density_in_spread, error_in_spread, density_in_level, error_in_level;
+  /// In the logarithm of every parameter of a tail, 0 for the others [rows x parameters].
+  SerialErrors::Columns density_in_parameters, error_in_parameters;
+};
+
+/// By differences, for what joint scoring fits; the slopes of the predictions' errors only where they are not independent.
+LawSlopes law_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
+                     const CellGeometry& geometry, const std::vector<FreeParameter>& parameters);
 
 /// The model with the likeliest parameters of its tails, the readings' errors held at those of the fit, by scoring in
 /// u = ln p and ln s together,
