@@ -54,15 +54,18 @@ SerialErrors serial_errors(const Rows& rows, const Model& model) {
 class Scoring {
  public:
   Scoring(const Rows& rows, const Fit& fit, const RefitOptions& options)
-      : rows_(rows), options_(options), alphas_(fit.state.alpha.size()) {
+      : rows_(rows), options_(options), alphas_(fit.state.alpha.size()), tails_(has_tails(fit.model)) {
     for (const FreeParameter& p : fit.free)
       if (p.acts != FreeParameter::Acts::numeric || is_of_tail(fit.model, p) ||
-          is_of_sequence(rows, fit.model, p))
+          (is_of_sequence(rows, fit.model, p) && !tails_))
         own_.push_back(p);
-    tails_ = has_tails(fit.model);
   }
 
+  /// True if the sequence's parameters move with the others.
+  bool moves_sequence() const { return !tails_; }
   ScoringSlopes at(const Point& point) const;
+  /// The score with the outer product of the rows' slopes.
+  ScoringSlopes slopes_of(const Point& point, const Eigen::VectorXd& score, const Columns& each) const;
   /// The part of a step that stays within the bounds of every parameter, and moves none by too much at a time.
   Eigen::VectorXd within(const Point& from, Eigen::VectorXd step) const;
   Point moved(const Point& from, const Eigen::VectorXd& step) const;
@@ -83,7 +86,7 @@ class Scoring {
   const RefitOptions& options_;
   Eigen::Index alphas_;
   std::vector<FreeParameter> own_;
-  bool tails_ = false;
+  bool tails_;
 };
 
 void Scoring::add_slopes_of_effects(const Point& point, const CellGeometry& geometry, Columns& means,
@@ -149,31 +152,48 @@ ScoringSlopes Scoring::at(const Point& point) const {
     z[i] = root[i] * (working.range[i] - geometry.f[cell]);
   }
   const bool along = !working.serial.independent();
-  Columns each, of_z;  // slopes of every row's log density, and of its z
-  if (tails_) {
-    const LawSlopes law = law_slopes(rows_, point.model, working, geometry, own_);
-    each = law.density_in_spread.asDiagonal() * spreads;
-    each += law.density_in_level.asDiagonal() * levels;
-    each.rightCols(static_cast<Eigen::Index>(own_.size())) += law.density_in_parameters;
-    if (along) {
-      of_z = law.error_in_spread.asDiagonal() * spreads;
-      of_z += law.error_in_level.asDiagonal() * levels;
-      of_z -= law.error_in_error.asDiagonal() * means;
-      of_z.rightCols(static_cast<Eigen::Index>(own_.size())) += law.error_in_parameters;
-    }
-  } else {
+  Columns each;  // slopes of what every row adds to the log likelihood
+  Columns of_means = z.cwiseProduct(root).asDiagonal() * means;
+  if (!tails_) {
     spreads += levels;
     each = (z.array().square() - 1.0).matrix().asDiagonal() * spreads;
-    of_z = -(z.asDiagonal() * spreads);
-    of_z -= root.asDiagonal() * means;
+    each += of_means;
+    if (along) {
+      Columns of_z = -(z.asDiagonal() * spreads);
+      of_z -= root.asDiagonal() * means;
+      each += z.asDiagonal() * of_z;
+      each -= working.serial.whitened(z).asDiagonal() * working.serial.whitened_columns(of_z);
+      add_slopes_of_sequence(point, z, each);
+    }
+    return slopes_of(point, each.colwise().sum().transpose(), each);
   }
-  each += z.cwiseProduct(root).asDiagonal() * means;
-  if (along) {
-    each += z.asDiagonal() * of_z;
-    each -= working.serial.whitened(z).asDiagonal() * working.serial.whitened_columns(of_z);
-    add_slopes_of_sequence(point, z, each);
+  const LawSlopes law = law_slopes(rows_, point.model, working, geometry, own_);
+  each = Columns::Zero(n, count());
+  each.rightCols(static_cast<Eigen::Index>(own_.size())) = law.in_parameters;
+  if (!along) {
+    each += law.in_spread.asDiagonal() * spreads;
+    each += law.in_level.asDiagonal() * levels;
+    each += of_means;
+    return slopes_of(point, each.colwise().sum().transpose(), each);
   }
-  ScoringSlopes out{each.colwise().sum().transpose(), each.transpose() * each, {}};
+  const Eigen::VectorXd pull = working.serial.transposed(working.serial.whitened(z));
+  Eigen::VectorXd off = z.cwiseProduct(pull).array() - 1.0;
+  if (working.tail_square.size() > 0) off += working.tail_square;
+  of_means = pull.cwiseProduct(root).asDiagonal() * means;
+  each += off.asDiagonal() * (spreads + levels);
+  each += of_means;
+  const Eigen::VectorXd score = each.colwise().sum().transpose();
+  const Columns white = working.serial.whitened_columns(root.asDiagonal() * means);
+  for (Eigen::Index a = 0; a < each.cols(); ++a) {
+    const double single = of_means.col(a).squaredNorm(), together = white.col(a).squaredNorm();
+    if (single > 0.0) each.col(a) += (std::sqrt(together / single) - 1.0) * of_means.col(a);
+  }
+  return slopes_of(point, score, each);
+}
+
+ScoringSlopes Scoring::slopes_of(const Point& point, const Eigen::VectorXd& score,
+                                 const Columns& each) const {
+  ScoringSlopes out{score, each.transpose() * each, {}};
   for (std::size_t a = 0; a < own_.size(); ++a) {
     const double scale =
         own_[a].acts == FreeParameter::Acts::numeric ? 1.0 : size_of(info_of(point.model, own_[a]));
@@ -288,19 +308,27 @@ Point start_of(const Rows& rows, const RefitOptions& options, const Fit& fit) {
 }  // namespace
 
 bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail) {
+  constexpr int most_alternations = 6;  // of the sequence's parameters and the others, beside tails
+  constexpr double settled = 0.01;      // nats
   RefitOptions staying = options;
   staying.places_stay = true;
   const Scoring scoring(rows, fit, options);
   Point here = start_of(rows, staying, fit);
   if (!std::isfinite(here.nll)) return false;
-  if (auto likeliest = likeliest_sequence(rows, fit.free, here.model, here.working, here.state)) {
-    Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
-    if (next.nll < here.nll) here = std::move(next);
+  for (int alternation = 0; alternation < most_alternations; ++alternation) {
+    const double before = here.nll;
+    auto likeliest = likeliest_sequence(rows, fit.free, here.model, here.working, here.state);
+    if (likeliest) {
+      Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
+      if (next.nll < here.nll) here = std::move(next);
+      if (alternation > 0 && !(before - here.nll > settled)) break;
+    }
+    here = scored(
+        "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },
+        [&](const Point& point, const Eigen::VectorXd& step) { return scoring.within(point, step); },
+        [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
+    if (!likeliest || scoring.moves_sequence() || !(before - here.nll > settled)) break;
   }
-  here = scored(
-      "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },
-      [&](const Point& point, const Eigen::VectorXd& step) { return scoring.within(point, step); },
-      [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
   const double value = calibrate_under(rows, here.model, here.state, staying, &detail);
   if (!std::isfinite(value)) return false;
   fit.nll = value;

@@ -44,46 +44,32 @@ bool is_measured_by_spread(const Rows& rows, const CellGeometry& geometry, const
 
 LawSlopes law_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
                      const CellGeometry& geometry, const std::vector<FreeParameter>& parameters) {
-  constexpr double h = 1e-6;  // of ln s, of e / s and of a parameter's logarithm
+  constexpr double h = 1e-6;  // of ln s and of a parameter's logarithm
   const auto n = static_cast<Eigen::Index>(rows.size());
-  const bool along = !working.serial.independent();
-  struct At {
-    double density, error;
-    At slope_from(const At& from) const { return {(density - from.density) / h, (error - from.error) / h}; }
-  };
-  const auto at = [](const TailLaw& law, double error, double spread) -> At {
+  const auto density = [](const TailLaw& law, double error, double spread) {
     const double z = error / spread;
-    if (law.empty()) return {-0.5 * z * z - std::log(spread), z};
-    const LogDensity of_law = law.density(error, spread);
-    return {of_law.value - std::log(spread), std::sqrt(of_law.weight) * (z - of_law.shift)};
+    return (law.empty() ? -0.5 * z * z - half_log_two_pi : law.density(error, spread).value) -
+           std::log(spread);
   };
-  LawSlopes out;
-  for (auto* column : {&out.error_in_error, &out.density_in_spread, &out.error_in_spread}) column->resize(n);
-  for (auto* columns : {&out.density_in_parameters, &out.error_in_parameters})
-    columns->setZero(n, static_cast<Eigen::Index>(parameters.size()));
+  LawSlopes out{
+      Eigen::VectorXd(n), {}, SerialErrors::Columns::Zero(n, static_cast<Eigen::Index>(parameters.size()))};
   const double more = std::exp(h);
-  std::vector<At> here(rows.size());
+  Eigen::VectorXd here(n);
   TailLaws laws(rows, geometry, model);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const auto row = static_cast<std::size_t>(i);
-    const TailLaw& law = laws.of(row);
+    const TailLaw& law = laws.of(static_cast<std::size_t>(i));
     const auto [error, spread] = error_and_spread(rows, working, geometry, i);
-    here[row] = at(law, error, spread);
-    if (along)
-      out.error_in_error[i] = at(law, error + h * spread, spread).slope_from(here[row]).error / spread;
-    const At slope = at(law, error, more * spread).slope_from(here[row]);
-    out.density_in_spread[i] = slope.density, out.error_in_spread[i] = slope.error;
+    here[i] = density(law, error, spread);
+    out.in_spread[i] = (density(law, error, more * spread) - here[i]) / h;
   }
-  out.density_in_level = out.density_in_spread, out.error_in_level = out.error_in_spread;
+  out.in_level = out.in_spread;
   if (is_measured_by_spread(rows, geometry, model)) {
     CellGeometry wide = geometry;
     for (double& s : wide.spread) s *= more;
     TailLaws wider(rows, wide, model);
     for (Eigen::Index i = 0; i < n; ++i) {
-      const auto row = static_cast<std::size_t>(i);
       const auto [error, spread] = error_and_spread(rows, working, geometry, i);
-      const At slope = at(wider.of(row), error, more * spread).slope_from(here[row]);
-      out.density_in_level[i] = slope.density, out.error_in_level[i] = slope.error;
+      out.in_level[i] = (density(wider.of(static_cast<std::size_t>(i)), error, more * spread) - here[i]) / h;
     }
   }
   for (std::size_t a = 0; a < parameters.size(); ++a) {
@@ -92,11 +78,9 @@ LawSlopes law_slopes(const Rows& rows, const Model& model, const WorkingProblem&
     value_of(up, parameters[a]) *= more;
     TailLaws high(rows, geometry, up);
     for (Eigen::Index i = 0; i < n; ++i) {
-      const auto row = static_cast<std::size_t>(i);
       const auto [error, spread] = error_and_spread(rows, working, geometry, i);
-      const At slope = at(high.of(row), error, spread).slope_from(here[row]);
-      out.density_in_parameters(i, static_cast<Eigen::Index>(a)) = slope.density;
-      out.error_in_parameters(i, static_cast<Eigen::Index>(a)) = slope.error;
+      out.in_parameters(i, static_cast<Eigen::Index>(a)) =
+          (density(high.of(static_cast<std::size_t>(i)), error, spread) - here[i]) / h;
     }
   }
   return out;

