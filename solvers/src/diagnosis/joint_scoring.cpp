@@ -33,22 +33,6 @@ Point point_at(const Rows& rows, Model model, JointState state) {
   return point;
 }
 
-constexpr double largest_logit = 8.0;  // of a sequence's parameter between its bounds
-
-double logit_between(std::pair<double, double> bounds, double value) {
-  const double share = (value - bounds.first) / (bounds.second - bounds.first);
-  return std::clamp(std::log(share / (1.0 - share)), -largest_logit, largest_logit);
-}
-
-double at_logit(std::pair<double, double> bounds, double logit) {
-  return bounds.first + (bounds.second - bounds.first) / (1.0 + std::exp(-logit));
-}
-
-SerialErrors serial_errors(const Rows& rows, const Model& model) {
-  const Dependence dependence = dependence_of(model);
-  return SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
-}
-
 /// What is fitted: alpha, ln sigma, then parameters of effects, those of tails in their logarithms, those of the sequence in
 /// their logits.
 class Scoring {
@@ -212,7 +196,7 @@ void Scoring::add_slopes_of_sequence(const Point& point, const Eigen::VectorXd& 
     const auto log_density = [&](double at) {  // of every prediction
       Model model = point.model;
       value_of(model, own_[a]) = at_logit(bounds, at);
-      const SerialErrors errors = serial_errors(rows_, model);
+      const SerialErrors errors = serial_errors_of(rows_, model);
       Eigen::VectorXd value = -0.5 * errors.whitened(z).array().square();
       for (Eigen::Index i = 0; i < value.size() && !errors.independent(); ++i)
         value[i] -= errors.log_spread(i);

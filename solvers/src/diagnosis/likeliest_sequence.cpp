@@ -14,6 +14,20 @@ bool is_of_sequence(const Rows& rows, const Model& model, const FreeParameter& p
          model[static_cast<std::size_t>(p.effect)].effect->info().kind == EffectKind::dependence;
 }
 
+SerialErrors serial_errors_of(const Rows& rows, const Model& model) {
+  const Dependence dependence = dependence_of(model);
+  return SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
+}
+
+double logit_between(std::pair<double, double> bounds, double value) {
+  const double share = (value - bounds.first) / (bounds.second - bounds.first);
+  return std::clamp(std::log(share / (1.0 - share)), -largest_logit, largest_logit);
+}
+
+double at_logit(std::pair<double, double> bounds, double logit) {
+  return bounds.first + (bounds.second - bounds.first) / (1.0 + std::exp(-logit));
+}
+
 std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
                                                                const std::vector<FreeParameter>& free,
                                                                const Model& model,
@@ -31,15 +45,10 @@ std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
   const double count = static_cast<double>(rows.size());
   Model& trial = found.first;
   const auto set = [&](const std::vector<double>& logits) {
-    for (std::size_t a = 0; a < own.size(); ++a) {
-      const auto [low, high] = bounds_of(rows, trial, own[a]);
-      value_of(trial, own[a]) = low + (high - low) / (1.0 + std::exp(-logits[a]));
-    }
+    for (std::size_t a = 0; a < own.size(); ++a)
+      value_of(trial, own[a]) = at_logit(bounds_of(rows, trial, own[a]), logits[a]);
   };
-  const auto serial = [&] {
-    const Dependence dependence = dependence_of(trial);
-    return SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
-  };
+  const auto serial = [&] { return serial_errors_of(rows, trial); };
   const auto squares = [&](const SerialErrors& errors) { return errors.whitened(z).squaredNorm() + extra; };
   const auto nll = [&](const std::vector<double>& logits) {
     set(logits);
@@ -53,8 +62,8 @@ std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
     logits.push_back(std::log(share / (1.0 - share)));
   }
   nlopt::opt search(nlopt::LN_BOBYQA, static_cast<unsigned>(own.size()));
-  search.set_lower_bounds(-8.0);
-  search.set_upper_bounds(8.0);
+  search.set_lower_bounds(-largest_logit);
+  search.set_upper_bounds(largest_logit);
   search.set_initial_step(first_step);
   search.set_xtol_abs(narrow);
   search.set_maxeval(most_values);

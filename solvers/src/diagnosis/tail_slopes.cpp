@@ -27,67 +27,6 @@ bool is_of_tail(const Model& model, const FreeParameter& p) {
 
 namespace {
 
-/// True if some tail is measured by the calibration's spread.
-bool is_measured_by_spread(const Rows& rows, const CellGeometry& geometry, const Model& model) {
-  ReadingView<double> view = view_of(rows, geometry, 0), wider = view;
-  wider.spread *= 2.0;
-  return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& active) {
-    if (!is_tail(active)) return false;
-    const Contamination at = active.effect->contamination(view, active.parameters.data()),
-                        of_wider = active.effect->contamination(wider, active.parameters.data());
-    return at.extra_sigma_m != of_wider.extra_sigma_m || at.mean_m != of_wider.mean_m ||
-           at.share != of_wider.share;
-  });
-}
-
-}  // namespace
-
-LawSlopes law_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
-                     const CellGeometry& geometry, const std::vector<FreeParameter>& parameters) {
-  constexpr double h = 1e-6;  // of ln s and of a parameter's logarithm
-  const auto n = static_cast<Eigen::Index>(rows.size());
-  const auto density = [](const TailLaw& law, double error, double spread) {
-    const double z = error / spread;
-    return (law.empty() ? -0.5 * z * z - half_log_two_pi : law.density(error, spread).value) -
-           std::log(spread);
-  };
-  LawSlopes out{
-      Eigen::VectorXd(n), {}, SerialErrors::Columns::Zero(n, static_cast<Eigen::Index>(parameters.size()))};
-  const double more = std::exp(h);
-  Eigen::VectorXd here(n);
-  TailLaws laws(rows, geometry, model);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const TailLaw& law = laws.of(static_cast<std::size_t>(i));
-    const auto [error, spread] = error_and_spread(rows, working, geometry, i);
-    here[i] = density(law, error, spread);
-    out.in_spread[i] = (density(law, error, more * spread) - here[i]) / h;
-  }
-  out.in_level = out.in_spread;
-  if (is_measured_by_spread(rows, geometry, model)) {
-    CellGeometry wide = geometry;
-    for (double& s : wide.spread) s *= more;
-    TailLaws wider(rows, wide, model);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const auto [error, spread] = error_and_spread(rows, working, geometry, i);
-      out.in_level[i] = (density(wider.of(static_cast<std::size_t>(i)), error, more * spread) - here[i]) / h;
-    }
-  }
-  for (std::size_t a = 0; a < parameters.size(); ++a) {
-    if (!is_of_tail(model, parameters[a])) continue;
-    Model up = model;
-    value_of(up, parameters[a]) *= more;
-    TailLaws high(rows, geometry, up);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const auto [error, spread] = error_and_spread(rows, working, geometry, i);
-      out.in_parameters(i, static_cast<Eigen::Index>(a)) =
-          (density(high.of(static_cast<std::size_t>(i)), error, spread) - here[i]) / h;
-    }
-  }
-  return out;
-}
-
-namespace {
-
 /// A parameter of a tail, and the tail with that parameter a little larger and smaller.
 struct Probe {
   Eigen::Index column;
@@ -138,6 +77,57 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
   }
   return slopes;
 }
+
+/// True if some tail is measured by the calibration's spread.
+bool is_measured_by_spread(const Rows& rows, const CellGeometry& geometry, const Model& model) {
+  ReadingView<double> view = view_of(rows, geometry, 0), wider = view;
+  wider.spread *= 2.0;
+  return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& active) {
+    if (!is_tail(active)) return false;
+    const Contamination at = active.effect->contamination(view, active.parameters.data()),
+                        of_wider = active.effect->contamination(wider, active.parameters.data());
+    return at.extra_sigma_m != of_wider.extra_sigma_m || at.mean_m != of_wider.mean_m ||
+           at.share != of_wider.share;
+  });
+}
+
+}  // namespace
+
+LawSlopes law_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
+                     const CellGeometry& geometry, const std::vector<FreeParameter>& parameters) {
+  constexpr double h = 1e-6;  // of ln s
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  const auto density = [](const TailLaw& law, double error, double spread) {
+    const double z = error / spread;
+    return (law.empty() ? -0.5 * z * z - half_log_two_pi : law.density(error, spread).value) -
+           std::log(spread);
+  };
+  LawSlopes out{Eigen::VectorXd(n), {}, {}};
+  Eigen::VectorXd with_sizes;  // in ln s, as if every even tail were measured by it
+  out.in_parameters = tail_slopes(rows, model, working, geometry, parameters, with_sizes);
+  const double more = std::exp(h);
+  Eigen::VectorXd here(n);
+  TailLaws laws(rows, geometry, model);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const TailLaw& law = laws.of(static_cast<std::size_t>(i));
+    const auto [error, spread] = error_and_spread(rows, working, geometry, i);
+    here[i] = density(law, error, spread);
+    out.in_spread[i] = (density(law, error, more * spread) - here[i]) / h;
+  }
+  out.in_level = out.in_spread;
+  if (is_measured_by_spread(rows, geometry, model)) {
+    CellGeometry wide = geometry;
+    for (double& s : wide.spread) s *= more;
+    TailLaws wider(rows, wide, model);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto [error, spread] = error_and_spread(rows, working, geometry, i);
+      out.in_level[i] = (density(wider.of(static_cast<std::size_t>(i)), error, more * spread) - here[i]) / h;
+    }
+  }
+  return out;
+}
+
+namespace {
 
 /// Tails, and the level of the spreads, with the errors held fixed.
 struct TailPoint {

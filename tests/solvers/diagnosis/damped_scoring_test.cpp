@@ -55,7 +55,7 @@ TEST(DampedScoring, TakesOneStepWhereTheInformationIsTheHessian) {
 }
 
 // With M = 20 A as the information, k steps by M alone leave (19 / 20)^(2 k) of what there is to gain: a tenth of a nat in 43 after 60 of
-// them, and with the diagonal alone thousands would be needed. What every step teaches of A makes it a dozen or two.
+// them; a diagonal knows nothing of what the parameters have in common. What every step teaches of A makes it a dozen or two.
 TEST(DampedScoring, LearnsWhatTheInformationLacks) {
   Quadratic of(4);
   const double least = of.at(of.A.ldlt().solve(of.b)).nll;
