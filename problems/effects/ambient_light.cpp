@@ -61,6 +61,8 @@ class AmbientLight final : public Effect {
                     {15.0 * degree, 30.0 * degree, 60.0 * degree}});
   }
 
+  std::string missing(const EffectContext& context) const override { return lacks_directions(context); }
+
   bool differs_between_repeats() const override { return false; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {

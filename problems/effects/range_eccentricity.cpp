@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
 
 namespace rangecal::effects {
 namespace {
@@ -34,6 +35,8 @@ class RangeEccentricity final : public Effect {
                        {.name = "sine_m", .typical = 0.0075, .low = -10.0, .high = 10.0}}};
     return value;
   }
+
+  std::string missing(const EffectContext& context) const override { return lacks_directions(context); }
 
   bool differs_between_repeats() const override { return false; }
 

@@ -90,6 +90,12 @@ inline std::string lacks_stops(const EffectContext& context, int needed) {
   return context.stop_count >= needed ? "" : "stops: at least " + std::to_string(needed);
 }
 
+/// Known distances that were read in one direction say nothing of what changes with it.
+inline std::string lacks_directions(const EffectContext& context) {
+  const bool one = context.kind == RecordingKind::pairs && context.largest_bearing_rad == 0.0;
+  return one ? "directions: a column bearing_rad of known distances" : "";
+}
+
 inline std::string lacks_repeats(const EffectContext& context, int needed) {
   if (context.largest_cell >= needed) return "";
   return "repeats: at least " + std::to_string(needed) + " readings of each " +

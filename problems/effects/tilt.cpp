@@ -53,6 +53,8 @@ class Tilt final : public Effect {
     return grid;
   }
 
+  std::string missing(const EffectContext& context) const override { return lacks_directions(context); }
+
   bool differs_between_repeats() const override { return false; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {

@@ -149,7 +149,7 @@ LogDensity TailLaw::mixed(double z, double s, double value, double body_given_z,
                           Slopes* slopes) const {
   LogDensity out;
   out.value = value;
-  double weight = body_given_z, first = 0.0, second = 0.0;
+  double weight = body_given_z, first = 0.0, second = 0.0, square = body_given_z * z * z;
   for (std::size_t k = 0; k < count_; ++k) {
     const ExtraError& extra = extras[k];
     const double r = share[k];
@@ -164,11 +164,14 @@ LogDensity TailLaw::mixed(double z, double s, double value, double body_given_z,
     weight += r * extra.weight;
     first += r * extra.weight * extra.mean;
     second += r * extra.weight * (extra.mean * extra.mean + extra.variance);
+    square += r * extra.weight * extra.weight * (std::pow(z - extra.mean, 2) + extra.variance);
   }
   out.weight = weight;
   out.shift = first / weight;
   out.extra_square = std::max(0.0, second - first * out.shift);
   out.derivative = first - weight * z;
+  // What is expected of the slope's square, were the extra error known, is what not knowing it costs (Louis 1982).
+  if (slopes) slopes->curvature = weight - square + out.derivative * out.derivative;
   return out;
 }
 

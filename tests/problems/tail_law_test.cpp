@@ -119,6 +119,23 @@ TEST(TailLaw, SlopesAndTheGaussianThatStandsForIt) {
   }
 }
 
+TEST(TailLaw, CurvatureIsThatOfTheLogDensity) {
+  constexpr double h = 1e-5;  // of z
+  for (const TailLaws& each : tail_laws()) {
+    const TailLaw law = law_of(each);
+    for (const double z : {-35.0, -6.0, -2.0, 0.0, 1.0, 2.4, 3.5, 30.0}) {
+      TailLaw::Slopes slopes;
+      law.density(z * s, s, &slopes);
+      const double second =
+          (law.density((z + h) * s, s).derivative - law.density((z - h) * s, s).derivative) / (2.0 * h);
+      EXPECT_NEAR(slopes.curvature, -second, 1e-5 * (1.0 + std::abs(second))) << each.name << ' ' << z;
+    }
+  }
+  TailLaw::Slopes slopes;
+  TailLaw().density(2.0 * s, s, &slopes);
+  EXPECT_NEAR(slopes.curvature, 1.0, 1e-12);
+}
+
 TEST(TailLaw, SlopesInSharesAndSizes) {
   constexpr double h = 1e-5;  // of each, relatively
   for (const TailLaws& each : tail_laws())

@@ -94,15 +94,23 @@ void Battery::score_rows(const Model& model) {
   range_scores_ = whiten(range, projector_.row_range_information, changes_.range_log_variance, range_rho);
   bearing_scores_ =
       whiten(bearing, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
+  range_cell_scores_ = projector_.whitened(projector_.range_residual);
   TailLaws laws(rows_, projector_.geometry(), model);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const TailLaw& tails = laws.of(i);
     if (tails.empty()) continue;
     rescored_ = true;
     const auto at = static_cast<Eigen::Index>(i);
-    const double spread =
-        projector_.geometry().spread[rows_.cell[i]] * std::exp(0.5 * changes_.range_log_variance[at]);
-    range_scores_[at] = tails.normal_score(range_scores_[at] * spread, spread);
+    const int cell = rows_.cell[i];
+    double spread = projector_.geometry().spread[cell] * std::exp(0.5 * changes_.range_log_variance[at]);
+    if (rows_.cell_begin[cell + 1] - rows_.cell_begin[cell] > 1) {
+      range_scores_[at] = tails.normal_score(range_scores_[at] * spread, spread);
+      continue;
+    }
+    if (working_.prediction_spread.size() > 0) spread *= working_.prediction_spread[at];
+    const double centre = working_.tail_centre.size() > 0 ? working_.tail_centre[at] : 0.0;
+    const double error = projector_.range_residual[cell] + working_.tail_shift[at] - centre;
+    range_cell_scores_[cell] = tails.normal_score(error, spread);
   }
 }
 

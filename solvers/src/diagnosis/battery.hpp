@@ -122,6 +122,9 @@ class Battery {
   RowChanges changes_;
   /// Deviations from the cell means as normal scores under the model: variance 1 - 1/R.
   Eigen::VectorXd range_scores_, bearing_scores_;
+  /// Residuals of the ranges of the cells in units of their standard deviations, independent; beside tails, of a cell of one reading
+  /// the normal score of its error.
+  Eigen::VectorXd range_cell_scores_;
   bool rescored_ = false;          ///< the model has tails or correlation: scores are not deviations / s
   std::vector<Signature> active_;  ///< orthonormal in the projected metric
   std::vector<Eigen::VectorXd> active_projected_;

@@ -50,7 +50,7 @@ void Battery::fill_variance_units() {
     unit.range = unit.bearing = Eigen::VectorXd::Zero(cells);
     const Eigen::VectorXd white =
         bearing ? projector_.bearing_residual.cwiseProduct(projector_.bearing_information.cwiseSqrt()).eval()
-                : projector_.whitened(projector_.range_residual);
+                : range_cell_scores_;
     for (int i = 0; i < cells; ++i) {
       const double information =
           bearing ? projector_.bearing_information[i] : projector_.range_information[i];
@@ -219,7 +219,7 @@ void Battery::ask_scalars() {
   const int cells = rows_.cell_count;
   UnitResiduals residuals;
   residuals.range_rows = range_scores_;
-  residuals.range_cells = projector_.whitened(projector_.range_residual);
+  residuals.range_cells = range_cell_scores_;
   residuals.stops = Eigen::VectorXd::Zero(projector_.system().layout().coordinates);
   Eigen::VectorXd bearing_dof;
   if (rows_.reads_bearings()) {

@@ -201,6 +201,20 @@ void add_range_grid(const GridEvidence& range, Bookkeeping& found) {
   found.findings.push_back(q);
 }
 
+/// Spreads of the rows' readings under a fit [m], [rad], what its grids add left out.
+struct RowSpreads {
+  Eigen::ArrayXd range, bearing;
+};
+
+RowSpreads spreads_of(const Rows& rows, const Fit& fit) {
+  const CellGeometry geometry = cell_geometry(rows, fit.state);
+  const RowChanges changes = row_changes(rows, geometry, without_grids(fit.model));
+  RowSpreads spreads{(0.5 * changes.range_log_variance).array().exp(),
+                     geometry.sigma_theta_rad * (0.5 * changes.bearing_log_variance).array().exp()};
+  for (Eigen::Index i = 0; i < spreads.range.size(); ++i) spreads.range[i] *= geometry.spread[rows.cell[i]];
+  return spreads;
+}
+
 bool has_repeats(const Rows& rows) { return !rows.pairs || rows.context.largest_cell >= 2; }
 
 }  // namespace
@@ -217,20 +231,21 @@ Question bookkeeping_question(const char* channel, const char* covariate, const 
   return q;
 }
 
-bool add_grid_beside(const Rows& rows, const JointState& state, Bookkeeping& known) {
+bool add_grid_beside(const Rows& rows, const Fit& fit, Bookkeeping& known) {
   if (has_grid(known.model) || has_repeats(rows)) return false;
   const GridEvidence range = grid_without_repeats(rows);
-  std::vector<double> spreads = cell_geometry(rows, state).spread;
-  const auto tenth = spreads.begin() + static_cast<std::ptrdiff_t>(spreads.size() / 10);
-  std::nth_element(spreads.begin(), tenth, spreads.end());
+  Eigen::ArrayXd spreads = spreads_of(rows, fit).range;
+  double* const tenth = spreads.data() + spreads.size() / 10;
+  std::nth_element(spreads.data(), tenth, spreads.data() + spreads.size());
   if (!(range.step > *tenth)) return false;
   add_range_grid(range, known);
   known.coarse = true;
   return true;
 }
 
-bool drop_fine_grids(const Rows& rows, const JointState& state, Bookkeeping& known) {
-  const CellGeometry geometry = cell_geometry(rows, state);
+bool drop_fine_grids(const Rows& rows, const Fit& fit, Bookkeeping& known) {
+  const CellGeometry geometry = cell_geometry(rows, fit.state);
+  const RowSpreads spreads = spreads_of(rows, fit);
   bool any = false;
   for (std::size_t e = known.model.size(); e-- > 0;) {
     const ActiveEffect& active = known.model[e];
@@ -242,7 +257,8 @@ bool drop_fine_grids(const Rows& rows, const JointState& state, Bookkeeping& kno
       const GridSteps grid = active.effect->grid_steps(view, active.parameters.data());
       of_range = grid.range_m > 0.0;
       steps.push_back(of_range ? grid.range_m : grid.bearing_rad);
-      ratios.push_back(steps.back() / (of_range ? view.spread : geometry.sigma_theta_rad));
+      ratios.push_back(steps.back() /
+                       (of_range ? spreads.range : spreads.bearing)[static_cast<Eigen::Index>(i)]);
     }
     if (steps.empty() || !(upper_median(std::move(ratios)) < step_that_matters)) continue;
     const double step = upper_median(std::move(steps));

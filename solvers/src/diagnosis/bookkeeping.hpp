@@ -29,11 +29,11 @@ Bookkeeping find_grids_and_gaps(const Rows& rows);
 
 /// Adds the grid of pairs without repeats that is coarse against the spread of the quietest tenth of the readings, as a fit has
 /// them: what causes did to the readings had hidden it. False if there is none, or one was known.
-bool add_grid_beside(const Rows& rows, const JointState& state, Bookkeeping& known);
+bool add_grid_beside(const Rows& rows, const Fit& fit, Bookkeeping& known);
 
 /// Takes grids off whose steps are less than a fifteenth of the spread of most readings, as a fit has it: they stand out in cells
 /// that scatter less than the model says, and cost nothing. A note says what they are. False if there is none.
-bool drop_fine_grids(const Rows& rows, const JointState& state, Bookkeeping& known);
+bool drop_fine_grids(const Rows& rows, const Fit& fit, Bookkeeping& known);
 
 /// Kinds of effects that bookkeeping finds, not scores.
 inline bool is_bookkeeping(EffectKind kind) {

@@ -53,6 +53,29 @@ class LackOfInformation {
     lack_ += change * change.transpose() / step.dot(change) - Hs * Hs.transpose() / sHs;
   }
 
+  /// H is given the curvature along a step over which the NLL fell by `gain` (rose, where negative) though its slope promised `slope`,
+  /// but no more than puts the least value along the step at a tenth of it.
+  void learn_curvature(const Eigen::VectorXd& step, double slope, double gain,
+                       const Eigen::MatrixXd& information) {
+    const Eigen::VectorXd Hs = information * step + lack_ * step;
+    const double predicted = step.dot(Hs), curvature = std::min(2.0 * (slope - gain), 10.0 * slope);
+    if (predicted > 0.0 && curvature > predicted)
+      lack_ += (curvature - predicted) / (predicted * predicted) * Hs * Hs.transpose();
+  }
+
+  /// Halves C, and leaves it out at last, until I + C is positive: what was learned elsewhere may outweigh the information here.
+  void stay_positive(const Eigen::MatrixXd& information) {
+    constexpr int most_halvings = 3;
+    const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    for (int halving = 0; halving <= most_halvings; ++halving) {
+      Eigen::MatrixXd scaled = scale.asDiagonal() * (information + lack_) * scale.asDiagonal();
+      scaled.diagonal().array() += 1e-9;
+      if (Eigen::LLT<Eigen::MatrixXd>(scaled).info() == Eigen::Success) return;
+      lack_ *= 0.5;
+    }
+    lack_.setZero();
+  }
+
  private:
   Eigen::MatrixXd lack_;
 };
@@ -91,9 +114,10 @@ inline std::optional<ScoringStep> damped_step(const ScoringSlopes& at, const Eig
 ///   step = (H + lambda diag H)^-1 score,   H = I + C
 ///
 /// I is the information, C what it lacks of the Hessian, lambda Levenberg's damping, 0 as long as steps gain what is predicted.
-/// A step is accepted if it lowers the NLL. A Point has an `nll` [nats]; slopes(point) gives ScoringSlopes, within(point,
-/// step) the part of a step that bounds leave, moved(point, step) the point such a step away. A parameter that has no way to go is
-/// held, and the step of the others solved for without it. `name` is that of the solver in the log.
+/// A step is accepted if it lowers the NLL; over one that does not H learns its curvature. A Point has an `nll` [nats];
+/// slopes(point) gives ScoringSlopes, within(point, step) the part of a step that bounds leave, moved(point, step) the point such a
+/// step away. A parameter that has no way to go is held, and the step of the others solved for without it. `name` is that of the
+/// solver in the log.
 template <typename Point, typename SlopesAt, typename Within, typename Moved>
 Point scored(const char* name, Point here, const SlopesAt& slopes, const Within& within, const Moved& moved) {
   constexpr int most_steps = 40, most_failures = 6, most_dampings = 12;
@@ -110,7 +134,7 @@ Point scored(const char* name, Point here, const SlopesAt& slopes, const Within&
   ScoringSlopes at = slopes(here);
   LackOfInformation lack(at.score.size());
   for (int iteration = 0; iteration < most_steps; ++iteration) {
-    const Eigen::MatrixXd hessian = at.information + lack.matrix();
+    Eigen::MatrixXd hessian = at.information + lack.matrix();
     std::vector<bool> held(static_cast<std::size_t>(at.score.size()), false);
     for (const Eigen::Index a : at.held) held[static_cast<std::size_t>(a)] = true;
     double gain = 0.0;
@@ -142,8 +166,9 @@ Point scored(const char* name, Point here, const SlopesAt& slopes, const Within&
         if (gain < far_from_predicted * predicted) damp_more();
         here = std::move(next);
       } else {
-        damp_more();
-        ++failures;
+        if (std::isfinite(gain)) lack.learn_curvature(taken, at.score.dot(taken), gain, at.information);
+        hessian = at.information + lack.matrix();
+        if (++failures > 1 || !std::isfinite(gain)) damp_more();
       }
     }
     if (!(gain > settled))
@@ -151,6 +176,7 @@ Point scored(const char* name, Point here, const SlopesAt& slopes, const Within&
                    gain > 0.0 ? "the last step gained next to nothing" : "no damped step lowers the cost");
     ScoringSlopes next = slopes(here);
     lack.learn(taken, at.score - next.score, next.information);
+    lack.stay_positive(next.information);
     at = std::move(next);
   }
   return ended(most_steps, "no iterations are left");

@@ -177,10 +177,9 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.coarse = gaps.coarse;
   SearchResult found = looked_for(rows, known, options);
   if (!options.force && found.verdict != Verdict::no_mismatch &&
-      drop_fine_grids(rows, found.named() ? found.best.fit.state : found.baseline.state, known))
+      drop_fine_grids(rows, found.named() ? found.best.fit : found.baseline, known))
     found = looked_for(rows, known, options);
-  if (found.named() && add_grid_beside(rows, found.best.fit.state, known))
-    found = looked_for(rows, known, options);
+  if (found.named() && add_grid_beside(rows, found.best.fit, known)) found = looked_for(rows, known, options);
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {
     const std::vector<std::string> curve_alone = curve_mismatch(rows, known, found, options);
     if (!curve_alone.empty()) {

@@ -10,6 +10,7 @@
 #include "diagnosis/free_parameters.hpp"
 #include "diagnosis/likeliest_sequence.hpp"
 #include "diagnosis/tail_slopes.hpp"
+#include "diagnosis/tails_along_sequence.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -41,15 +42,13 @@ class Scoring {
       : rows_(rows), options_(options), alphas_(fit.state.alpha.size()), tails_(has_tails(fit.model)) {
     for (const FreeParameter& p : fit.free)
       if (p.acts != FreeParameter::Acts::numeric || is_of_tail(fit.model, p) ||
-          (is_of_sequence(rows, fit.model, p) && !tails_))
+          is_of_sequence(rows, fit.model, p))
         own_.push_back(p);
   }
 
-  /// True if the sequence's parameters move with the others.
-  bool moves_sequence() const { return !tails_; }
   ScoringSlopes at(const Point& point) const;
-  /// The score with the outer product of the rows' slopes.
-  ScoringSlopes slopes_of(const Point& point, const Eigen::VectorXd& score, const Columns& each) const;
+  /// Their sum, and the outer product of the rows' slopes.
+  ScoringSlopes slopes_of(const Point& point, const Columns& each) const;
   /// The part of a step that stays within the bounds of every parameter, and moves none by too much at a time.
   Eigen::VectorXd within(const Point& from, Eigen::VectorXd step) const;
   Point moved(const Point& from, const Eigen::VectorXd& step) const;
@@ -129,13 +128,16 @@ ScoringSlopes Scoring::at(const Point& point) const {
     levels(i, alphas_) = 1.0;
   }
   add_slopes_of_effects(point, geometry, means, spreads);
+  const bool along = !working.serial.independent();
+  if (tails_ && along)
+    return slopes_of(
+        point, prediction_slopes(rows_, point.model, working, geometry, {means, spreads, levels}, own_));
   Eigen::VectorXd root(n), z(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
     root[i] = working.range_whitening.scale_of(i) / geometry.spread[cell];
     z[i] = root[i] * (working.range[i] - geometry.f[cell]);
   }
-  const bool along = !working.serial.independent();
   Columns each;  // slopes of what every row adds to the log likelihood
   Columns of_means = z.cwiseProduct(root).asDiagonal() * means;
   if (!tails_) {
@@ -149,35 +151,19 @@ ScoringSlopes Scoring::at(const Point& point) const {
       each -= working.serial.whitened(z).asDiagonal() * working.serial.whitened_columns(of_z);
       add_slopes_of_sequence(point, z, each);
     }
-    return slopes_of(point, each.colwise().sum().transpose(), each);
+    return slopes_of(point, each);
   }
   const LawSlopes law = law_slopes(rows_, point.model, working, geometry, own_);
   each = Columns::Zero(n, count());
   each.rightCols(static_cast<Eigen::Index>(own_.size())) = law.in_parameters;
-  if (!along) {
-    each += law.in_spread.asDiagonal() * spreads;
-    each += law.in_level.asDiagonal() * levels;
-    each += of_means;
-    return slopes_of(point, each.colwise().sum().transpose(), each);
-  }
-  const Eigen::VectorXd pull = working.serial.transposed(working.serial.whitened(z));
-  Eigen::VectorXd off = z.cwiseProduct(pull).array() - 1.0;
-  if (working.tail_square.size() > 0) off += working.tail_square;
-  of_means = pull.cwiseProduct(root).asDiagonal() * means;
-  each += off.asDiagonal() * (spreads + levels);
+  each += law.in_spread.asDiagonal() * spreads;
+  each += law.in_level.asDiagonal() * levels;
   each += of_means;
-  const Eigen::VectorXd score = each.colwise().sum().transpose();
-  const Columns white = working.serial.whitened_columns(root.asDiagonal() * means);
-  for (Eigen::Index a = 0; a < each.cols(); ++a) {
-    const double single = of_means.col(a).squaredNorm(), together = white.col(a).squaredNorm();
-    if (single > 0.0) each.col(a) += (std::sqrt(together / single) - 1.0) * of_means.col(a);
-  }
-  return slopes_of(point, score, each);
+  return slopes_of(point, each);
 }
 
-ScoringSlopes Scoring::slopes_of(const Point& point, const Eigen::VectorXd& score,
-                                 const Columns& each) const {
-  ScoringSlopes out{score, each.transpose() * each, {}};
+ScoringSlopes Scoring::slopes_of(const Point& point, const Columns& each) const {
+  ScoringSlopes out{each.colwise().sum().transpose(), each.transpose() * each, {}};
   for (std::size_t a = 0; a < own_.size(); ++a) {
     const double scale =
         own_[a].acts == FreeParameter::Acts::numeric ? 1.0 : size_of(info_of(point.model, own_[a]));
@@ -275,11 +261,25 @@ bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& s
 
 namespace {
 
+/// The point with the level of the noise that its errors have, where they are far larger than it expects.
+Point with_level_of_errors(const Rows& rows, Point point) {
+  constexpr double far = 2.0;
+  Eigen::VectorXd z = sequence_residuals(point.working, cell_geometry(rows, point.state));
+  double squares = point.working.serial.whitened(std::move(z)).squaredNorm();
+  if (point.working.tail_square.size() > 0) squares += point.working.tail_square.sum();
+  const double level = std::sqrt(squares / static_cast<double>(rows.size()));
+  if (!(level > far) || !std::isfinite(level)) return point;
+  JointState state = point.state;
+  state.noise.parameters[0] *= level;
+  Point wider = point_at(rows, point.model, std::move(state));
+  return wider.nll < point.nll ? wider : point;
+}
+
 /// Where scoring starts: at the state of `fit`, or, where most readings are outliers there (a member was taken out that had moved
 /// them all), where the calibration is without tails, if that is likelier.
 Point start_of(const Rows& rows, const RefitOptions& options, const Fit& fit) {
   constexpr double far = 2.0;
-  Point start = point_at(rows, fit.model, fit.state);
+  Point start = with_level_of_errors(rows, point_at(rows, fit.model, fit.state));
   if (std::isfinite(start.nll) && level_of_errors(rows, start.working, start.state) < far) return start;
   Model others = fit.model;
   std::erase_if(others, is_tail);
@@ -292,27 +292,19 @@ Point start_of(const Rows& rows, const RefitOptions& options, const Fit& fit) {
 }  // namespace
 
 bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail) {
-  constexpr int most_alternations = 6;  // of the sequence's parameters and the others, beside tails
-  constexpr double settled = 0.01;      // nats
   RefitOptions staying = options;
   staying.places_stay = true;
   const Scoring scoring(rows, fit, options);
   Point here = start_of(rows, staying, fit);
   if (!std::isfinite(here.nll)) return false;
-  for (int alternation = 0; alternation < most_alternations; ++alternation) {
-    const double before = here.nll;
-    auto likeliest = likeliest_sequence(rows, fit.free, here.model, here.working, here.state);
-    if (likeliest) {
-      Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
-      if (next.nll < here.nll) here = std::move(next);
-      if (alternation > 0 && !(before - here.nll > settled)) break;
-    }
-    here = scored(
-        "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },
-        [&](const Point& point, const Eigen::VectorXd& step) { return scoring.within(point, step); },
-        [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
-    if (!likeliest || scoring.moves_sequence() || !(before - here.nll > settled)) break;
+  if (auto likeliest = likeliest_sequence(rows, fit.free, here.model, here.working, here.state)) {
+    Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
+    if (next.nll < here.nll) here = std::move(next);
   }
+  here = scored(
+      "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },
+      [&](const Point& point, const Eigen::VectorXd& step) { return scoring.within(point, step); },
+      [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
   const double value = calibrate_under(rows, here.model, here.state, staying, &detail);
   if (!std::isfinite(value)) return false;
   fit.nll = value;

@@ -10,22 +10,17 @@ namespace rangecal::diagnosis {
 bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& state,
                        const RefitOptions& options);
 
-/// Fits curve, noise and all free parameters of effects together by scoring, those of the sequence too where there are no tails, in turn with
-/// the others where there are. e_i are the errors of the readings, p_i their laws with standard deviations s_i. Where they are
-/// independent the slopes are those of ln p_i(e_i). Along a sequence u = K z are the errors of the one-step predictions, in units of
-/// their standard deviations r_i (serial_errors.hpp), and the slopes those of
+/// Fits curve, noise and all free parameters of effects together, those of the sequence too, by scoring. e_i are the errors of the
+/// readings, p_i their laws with standard deviations s_i. Where they are independent the slopes are those of ln p_i(e_i). Along a
+/// sequence u = K z are the errors of the one-step predictions, in units of their standard deviations r_i (serial_errors.hpp), and
+/// the slopes those of
 ///
-///   -u_i^2 / 2 - ln r_i - ln s_i,   z_i = e_i / s_i
+///   -u_i^2 / 2 - ln r_i - ln s_i,   z_i = e_i / s_i;
 ///
-/// Tails along a sequence have the weights that they give at the residuals: z_i is the error under the Gaussian that stands for p_i, and
-/// the slopes, with pull = K^T u,
-///
-///   in a mean pull_i (df_i/da) / s_i,   in a log spread z_i pull_i + the tail's variance - 1
-///
-/// That is no likelihood's slope, and to follow one to its end would be wrong: the Gaussians' product is no density, and a share of tails that
-/// takes in everything makes u small. Steps are by sum slope slope^T (Berndt, Hall, Hall, Hausman 1974) and what it is found to lack
-/// (damped_scoring.hpp); a step costs one pass over the readings. The calibration is solved for at the end: `detail`. False,
-/// and nothing done, where the start or that solve is outside of the model's domain.
+/// beside tails those of the density of e_i given the readings before it (wandering_part.hpp). Steps are by sum slope slope^T (Berndt,
+/// Hall, Hall, Hausman 1974) and what it is found to lack (damped_scoring.hpp); a step costs one pass over the readings. The
+/// calibration is solved for at the end: `detail`. False, and nothing done, where the start or that solve is outside of the model's
+/// domain.
 bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail);
 
 }  // namespace rangecal::diagnosis

@@ -6,6 +6,7 @@
 #include <nlopt.hpp>
 
 #include "diagnosis/free_parameters.hpp"
+#include "diagnosis/tails_along_sequence.hpp"
 
 namespace rangecal::diagnosis {
 
@@ -40,8 +41,9 @@ std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
     if (is_of_sequence(rows, model, p)) own.push_back(p);
   if (own.empty()) return std::nullopt;
   std::pair<Model, JointState> found{model, state};
-  const Eigen::VectorXd z = sequence_residuals(working, cell_geometry(rows, state));
-  const double extra = working.tail_square.size() > 0 ? working.tail_square.sum() : 0.0;
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const Eigen::VectorXd z = sequence_residuals(working, geometry);
+  const bool tails = has_tails(model);
   const double count = static_cast<double>(rows.size());
   Model& trial = found.first;
   const auto set = [&](const std::vector<double>& logits) {
@@ -49,9 +51,10 @@ std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
       value_of(trial, own[a]) = at_logit(bounds_of(rows, trial, own[a]), logits[a]);
   };
   const auto serial = [&] { return serial_errors_of(rows, trial); };
-  const auto squares = [&](const SerialErrors& errors) { return errors.whitened(z).squaredNorm() + extra; };
+  const auto squares = [&](const SerialErrors& errors) { return errors.whitened(z).squaredNorm(); };
   const auto nll = [&](const std::vector<double>& logits) {
     set(logits);
+    if (tails) return nll_along_sequence(rows, trial, working, geometry);
     const SerialErrors errors = serial();
     return 0.5 * (errors.log_determinant() + count * std::log(squares(errors)));
   };
@@ -78,7 +81,7 @@ std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
   } catch (const nlopt::roundoff_limited&) {  // `logits` is the best found
   }
   set(logits);
-  found.second.noise.parameters[0] *= std::sqrt(squares(serial()) / count);
+  if (!tails) found.second.noise.parameters[0] *= std::sqrt(squares(serial()) / count);
   return found;
 }
 

@@ -21,8 +21,8 @@ double logit_between(std::pair<double, double> bounds, double value);
 double at_logit(std::pair<double, double> bounds, double logit);
 
 /// The model with those of the parameters `free` that are of errors that wander along a sequence where they make the residuals of
-/// `working`, the model's own at `state`, most likely, and the state with the level of the noise at which they do. None where
-/// there is no such parameter.
+/// `working`, the model's own at `state`, most likely, and the state with the level of the noise at which they do, which
+/// stays beside tails. None where there is no such parameter.
 std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
                                                                const std::vector<FreeParameter>& free,
                                                                const Model& model,

@@ -32,12 +32,17 @@ Sequence Sequence::of(const std::vector<int>& kept) const {
   return part;
 }
 
-SerialErrors::SerialErrors(const Sequence& sequence, double q, double rho) {
+SerialErrors::SerialErrors(const Sequence& sequence, double q, double rho)
+    : SerialErrors(sequence, q, rho, {}, {}) {}
+
+SerialErrors::SerialErrors(const Sequence& sequence, double q, double rho, const Eigen::VectorXd& weight,
+                           const Eigen::VectorXd& curvature) {
   if (sequence.empty() || !(q > 0.0) || !(rho > 0.0)) return;
   const std::size_t n = sequence.order.size();
   order_ = sequence.order;
   before_ = sequence.before;
   for (auto* column : {&phi_, &gain_, &root_}) column->resize(n);
+  part_.assign(n, 1.0);
   std::vector<double> left(n);  // variance of x_i given the readings up to i
   for (const int row : order_) {
     const auto i = static_cast<std::size_t>(row);
@@ -47,7 +52,13 @@ SerialErrors::SerialErrors(const Sequence& sequence, double q, double rho) {
                             q * (1.0 - phi_[i] * phi_[i]);
     const double variance = expected + 1.0 - q;
     gain_[i] = expected / variance;
-    left[i] = (1.0 - gain_[i]) * expected;
+    if (weight.size() > 0) {
+      left[i] = (1.0 - gain_[i] * curvature[row]) * expected;
+      part_[i] = std::sqrt(weight[row]);
+      gain_[i] *= part_[i];  // of a surprise that is sqrt(w_i) times as large
+    } else {
+      left[i] = (1.0 - gain_[i]) * expected;
+    }
     root_[i] = std::sqrt(variance);
     log_determinant_ += std::log(variance);
   }
@@ -59,7 +70,7 @@ Eigen::VectorXd SerialErrors::whitened(Eigen::VectorXd e) const {
   for (const int i : order_) {
     const auto row = static_cast<std::size_t>(i);
     const double expected = before_[row] < 0 ? 0.0 : phi_[row] * x[before_[row]];
-    const double surprise = e[i] - expected;
+    const double surprise = e[i] - part_[row] * expected;
     x[i] = expected + gain_[row] * surprise;
     e[i] = surprise / root_[row];
   }
@@ -72,12 +83,13 @@ SerialErrors::Columns SerialErrors::whitened_columns(Columns E) const {
   Columns X(E.rows(), columns);  // of each row, given the readings up to it
   for (const int i : order_) {
     const auto row = static_cast<std::size_t>(i);
-    const double phi = before_[row] < 0 ? 0.0 : phi_[row], gain = gain_[row], scale = 1.0 / root_[row];
+    const double phi = before_[row] < 0 ? 0.0 : phi_[row], gain = gain_[row], part = part_[row],
+                 scale = 1.0 / root_[row];
     const double* before = X.data() + columns * std::max(before_[row], 0);
     double* const e = E.data() + columns * i;
     double* const x = X.data() + columns * i;
     for (Eigen::Index j = 0; j < columns; ++j) {
-      const double expected = phi > 0.0 ? phi * before[j] : 0.0, surprise = e[j] - expected;
+      const double expected = phi > 0.0 ? phi * before[j] : 0.0, surprise = e[j] - part * expected;
       x[j] = expected + gain * surprise;
       e[j] = scale * surprise;
     }
@@ -91,7 +103,7 @@ Eigen::VectorXd SerialErrors::transposed(const Eigen::VectorXd& u) const {
   for (auto at = order_.rbegin(); at != order_.rend(); ++at) {
     const auto row = static_cast<std::size_t>(*at);
     result[*at] = u[*at] / root_[row] + gain_[row] * of_x[*at];
-    if (before_[row] >= 0) of_x[before_[row]] += phi_[row] * (of_x[*at] - result[*at]);
+    if (before_[row] >= 0) of_x[before_[row]] += phi_[row] * (of_x[*at] - part_[row] * result[*at]);
   }
   return result;
 }
@@ -102,7 +114,7 @@ Eigen::VectorXd SerialErrors::transpose_coloured(const Eigen::VectorXd& v) const
   for (auto at = order_.rbegin(); at != order_.rend(); ++at) {  // as `transposed`, solved for u
     const auto row = static_cast<std::size_t>(*at);
     u[*at] = root_[row] * (v[*at] - gain_[row] * of_x[*at]);
-    if (before_[row] >= 0) of_x[before_[row]] += phi_[row] * (of_x[*at] - v[*at]);
+    if (before_[row] >= 0) of_x[before_[row]] += phi_[row] * (of_x[*at] - part_[row] * v[*at]);
   }
   return u;
 }
@@ -115,7 +127,7 @@ Eigen::VectorXd SerialErrors::coloured(const Eigen::VectorXd& u) const {
     const double expected = before_[row] < 0 ? 0.0 : phi_[row] * x[before_[row]];
     const double surprise = root_[row] * u[i];
     x[i] = expected + gain_[row] * surprise;
-    e[i] = expected + surprise;
+    e[i] = part_[row] * expected + surprise;
   }
   return e;
 }

@@ -24,12 +24,16 @@ struct Sequence {
 /// with v, w independent N(0, 1): q [-] is the share of the variance that wanders, rho its correlation over the usual gap. The
 /// one-step predictions of Kalman's filter make them independent: u = K e is N(0, I), K lower triangular in the order of
 /// the sequence. Every operation costs one pass over the rows.
-/// Source: Kalman 1960; Jones 1980 for gaps of any length.
+/// Beside tails (TailPredictions) the law of e_i given the readings before it has a Gaussian that stands for it, of weight w_i, and a
+/// curvature J_i, both 1 where it is normal; e is then what remains of the errors less the shifts, times sqrt(w_i).
+/// Source: Kalman 1960; Jones 1980 for gaps of any length; Masreliez 1975 beside tails.
 class SerialErrors {
  public:
   /// The errors are independent: K = I.
   SerialErrors() = default;
   SerialErrors(const Sequence& sequence, double q, double rho);
+  SerialErrors(const Sequence& sequence, double q, double rho, const Eigen::VectorXd& weight,
+               const Eigen::VectorXd& curvature);
 
   bool independent() const { return phi_.empty(); }
   Eigen::VectorXd whitened(Eigen::VectorXd e) const;  ///< K e
@@ -47,6 +51,7 @@ class SerialErrors {
  private:
   std::vector<int> order_, before_;
   std::vector<double> phi_, gain_;  ///< by row: phi_i, Kalman's gain
+  std::vector<double> part_;        ///< of what wanders in e_i: sqrt(w_i)
   std::vector<double> root_;        ///< standard deviation of the prediction's error
   double log_determinant_ = 0.0;
 };

@@ -16,7 +16,9 @@ std::pair<double, double> error_and_spread(const Rows& rows, const WorkingProble
                                            const CellGeometry& geometry, Eigen::Index row) {
   const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(row)]);
   const double change = working.range_log_variance.size() > 0 ? 0.5 * working.range_log_variance[row] : 0.0;
-  return {working.range_of_tail(row) - geometry.f[cell], geometry.spread[cell] * std::exp(change)};
+  const double of_prediction = working.prediction_spread.size() > 0 ? working.prediction_spread[row] : 1.0;
+  return {working.range_of_tail(row) - geometry.f[cell],
+          of_prediction * geometry.spread[cell] * std::exp(change)};
 }
 
 }  // namespace
@@ -78,7 +80,8 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
   return slopes;
 }
 
-/// True if some tail is measured by the calibration's spread.
+}  // namespace
+
 bool is_measured_by_spread(const Rows& rows, const CellGeometry& geometry, const Model& model) {
   ReadingView<double> view = view_of(rows, geometry, 0), wider = view;
   wider.spread *= 2.0;
@@ -90,8 +93,6 @@ bool is_measured_by_spread(const Rows& rows, const CellGeometry& geometry, const
            at.share != of_wider.share;
   });
 }
-
-}  // namespace
 
 LawSlopes law_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
                      const CellGeometry& geometry, const std::vector<FreeParameter>& parameters) {

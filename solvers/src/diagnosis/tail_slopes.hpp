@@ -11,6 +11,9 @@ namespace rangecal::diagnosis {
 /// True if the parameter belongs to a tail's law, whose slope is computed reading by reading.
 bool is_of_tail(const Model& model, const FreeParameter& p);
 
+/// True if some tail is measured by the calibration's spread.
+bool is_measured_by_spread(const Rows& rows, const CellGeometry& geometry, const Model& model);
+
 /// Slopes of the log density ln p(e_i) - ln s_i of every row's error: by differences in ln s_i, where the sizes of the tails stay, and where
 /// the calibration's spread moves, which some tails are measured by; and in the logarithm of every parameter of a tail, 0 for the
 /// others [rows x parameters].

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "diagnosis/alternation.hpp"
+#include "diagnosis/wandering_part.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
@@ -78,6 +79,13 @@ double likeliest_shared_error(std::vector<double> errors, const std::vector<doub
   return c;
 }
 
+/// What the NLL of a law at z has more than that of the Gaussian that stands for it.
+double nll_beside_gaussian(const LogDensity& at, double z) {
+  const double off = z - at.shift;
+  return 0.5 * std::log(at.weight) - half_log_two_pi - at.value -
+         0.5 * (at.weight * off * off + at.extra_square);
+}
+
 /// The Gaussian that stands for the law of every row's error at its residual (expectation and maximisation): shifts `range` and divides the
 /// variance by its weight.
 void add_tails(const Rows& rows, const CellGeometry& geometry, const Model& model, const RowChanges& changes,
@@ -110,9 +118,7 @@ void add_tails(const Rows& rows, const CellGeometry& geometry, const Model& mode
     const double spread = geometry.spread[cell] * std::sqrt(range_m[i]),
                  error = working.range_of_tail(i) - geometry.f[cell];
     const LogDensity at = tails.density(error, spread);
-    const double off = error / spread - at.shift;
-    working.constant += 0.5 * std::log(at.weight) - half_log_two_pi - at.value -
-                        0.5 * (at.weight * off * off + at.extra_square);
+    working.constant += nll_beside_gaussian(at, error / spread);
     if (working.tail_shift.size() == 0) {
       working.tail_shift.setZero(n);
       working.tail_square.setZero(n);
@@ -123,6 +129,42 @@ void add_tails(const Rows& rows, const CellGeometry& geometry, const Model& mode
     working.tail_shift[i] = at.shift * spread;
     working.tail_square[i] = at.extra_square;
   }
+}
+
+/// The same along a sequence, where the law is that of a row's error less what the rows before it predict.
+void add_tails_along(const Rows& rows, const CellGeometry& geometry, const Model& model,
+                     const RowChanges& changes, const Dependence& dependence, Eigen::ArrayXd& range_m,
+                     WorkingProblem& working) {
+  const Eigen::Index n = working.range.size();
+  for (Eigen::VectorXd* column :
+       {&working.tail_shift, &working.tail_square, &working.tail_centre, &working.prediction_spread})
+    column->resize(n);
+  working.range_log_variance = changes.range_log_variance;
+  Eigen::VectorXd weight(n), curvature(n);
+  const double q = dependence.range_correlated_share, rho = dependence.range_correlation;
+  TailLaws laws(rows, geometry, model);
+  WanderingPart part(rows.sequence, q, rho);
+  for (const int row : rows.sequence.order) {
+    const auto i = static_cast<std::size_t>(row);
+    const auto cell = static_cast<std::size_t>(rows.cell[i]);
+    const WanderingPart::Prediction before = part.before(row);
+    const double spread = geometry.spread[cell] * std::sqrt(range_m[row]), own = spread * before.spread,
+                 centre = spread * before.mean, error = working.range[row] - geometry.f[cell] - centre;
+    TailLaw::Slopes slopes;
+    const LogDensity at = laws.of(i).density(error, own, &slopes);
+    const auto [mean, variance] = before.behind(at.derivative, slopes.curvature);
+    part.leave(row, mean, variance);
+    working.constant += nll_beside_gaussian(at, error / own);
+    working.range[row] -= at.shift * own;
+    range_m[row] /= at.weight;
+    working.tail_shift[row] = at.shift * own;
+    working.tail_square[row] = at.extra_square;
+    working.tail_centre[row] = centre;
+    working.prediction_spread[row] = before.spread;
+    weight[row] = at.weight;
+    curvature[row] = slopes.curvature;
+  }
+  working.serial = SerialErrors(rows.sequence, q, rho, weight, curvature);
 }
 
 /// Readings whose variances are m times the spread's squares.
@@ -245,14 +287,19 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     if (rows.reads_bearings())
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - geometry.bearing[cell]);
   }
-  if (has_tails(model))
+  const bool along =
+      !rows.sequence.empty() && dependence.range_correlation > 0.0 && dependence.range_correlated_share > 0.0;
+  if (along && has_tails(model))
+    add_tails_along(rows, geometry, model, changes, dependence, range_m, working);
+  else if (has_tails(model))
     add_tails(rows, geometry, model, changes, dependence.range_cell_sigma_m, range_m, working);
   if (rows.sequence.empty()) {
     working.range_whitening = whitening_of(range_m, dependence.range_correlation);
   } else {
     working.range_whitening = whitening_of(range_m, 0.0);
-    working.serial =
-        SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
+    if (working.serial.independent())
+      working.serial =
+          SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
     working.constant += 0.5 * working.serial.log_determinant();
   }
   CellsAndRows range = split(rows, working.range, working.range_whitening);

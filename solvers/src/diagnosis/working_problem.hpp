@@ -24,17 +24,21 @@ struct WorkingProblem : WorkingCells {
   /// Corrected readings per row; bearings relative to the cell's predicted one.
   Eigen::VectorXd range, bearing;
   /// What a tail's law, given its residual, expects a row's extra error to be [m], which `range` is less, and its variance
-  /// in units of the spread's square; empty without tails.
+  /// in units of the spread's square, of a prediction's along a sequence; empty without tails.
   Eigen::VectorXd tail_shift, tail_square;
   /// What effects add to ln s^2 of the range of a row that has a tail; empty without tails.
   Eigen::VectorXd range_log_variance;
-  /// The likeliest error that a row's cell shares, beside tails [m]; empty: repeats share none.
+  /// What is taken off a row's error before the law of its tail applies [m]: the likeliest error that its cell shares, or along a
+  /// sequence what the readings before it predict; empty: nothing.
   Eigen::VectorXd tail_centre;
+  /// Along a sequence, beside tails: what the standard deviation of the prediction's error is without them, over the spread;
+  /// empty: 1.
+  Eigen::VectorXd prediction_spread;
   /// `range` of a row with what a tail added to it [m].
   double range_with_tail(Eigen::Index row) const {
     return tail_shift.size() > 0 ? range[row] + tail_shift[row] : range[row];
   }
-  /// That less what its cell shares [m], whose error the law of the tail is of.
+  /// That less the centre [m], whose error the law of the tail is of.
   double range_of_tail(Eigen::Index row) const {
     return range_with_tail(row) - (tail_centre.size() > 0 ? tail_centre[row] : 0.0);
   }

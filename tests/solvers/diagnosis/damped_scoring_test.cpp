@@ -66,6 +66,33 @@ TEST(DampedScoring, LearnsWhatTheInformationLacks) {
   EXPECT_LE(of.gradients, 30);
 }
 
+// With A / 50 as the information the first step is 50 times too long. What the NLL does over it says how far to go.
+TEST(DampedScoring, AStepThatFailsTeachesTheCurvatureAlongIt) {
+  Quadratic of(4);
+  const double least = of.at(of.A.ldlt().solve(of.b)).nll;
+  EXPECT_NEAR(of.least(0.02 * of.A).nll, least, 0.01);
+  EXPECT_LE(of.gradients, 12);
+
+  LackOfInformation lack(2);
+  const Eigen::Matrix2d information = Eigen::Vector2d(1.0, 4.0).asDiagonal();
+  const Eigen::Vector2d step(2.0, 0.0);
+  lack.learn_curvature(step, 4.0, -2.0, information);  // of a curvature of 3 along x: 4 - 3 * 2^2 / 2 = -2
+  EXPECT_NEAR((information + lack.matrix())(0, 0), 3.0, 1e-12);
+  EXPECT_NEAR((information + lack.matrix())(1, 1), 4.0, 1e-12);
+  lack.learn_curvature(step, 4.0, -1e9, information);  // no shorter than a tenth of the step
+  EXPECT_NEAR((information + lack.matrix())(0, 0), 10.0, 1e-12);
+}
+
+TEST(DampedScoring, WhatWasLearnedElsewhereLeavesTheHessianPositive) {
+  LackOfInformation lack(2);
+  const Eigen::Matrix2d there = Eigen::Vector2d(100.0, 1.0).asDiagonal(), here = Eigen::Matrix2d::Identity();
+  lack.learn(Eigen::Vector2d(1.0, 0.0), Eigen::Vector2d(20.0, 0.0), there);  // of 100 the curvature lacks 80
+  EXPECT_NEAR((there + lack.matrix())(0, 0), 20.0, 1e-12);
+  EXPECT_LT((here + lack.matrix())(0, 0), 0.0);
+  lack.stay_positive(here);
+  EXPECT_GT((here + lack.matrix())(0, 0), 0.0);
+}
+
 TEST(DampedScoring, SolvesForTheOthersWhereOneIsAtItsBound) {
   Quadratic of(2);
   of.A << 2.0, 1.0, 1.0, 3.0;

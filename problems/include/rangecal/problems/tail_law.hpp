@@ -36,9 +36,11 @@ class TailLaw {
  public:
   static constexpr std::size_t most = 4;  ///< shares; further ones are not taken
 
-  /// Slopes of the log density of e in each share, and in its size: extra_sigma_m of an even one, mean_m of one on one side.
+  /// Slopes of the log density of e in each share, and in its size: extra_sigma_m of an even one, mean_m of one on one side; and
+  /// minus its second derivative in z = e / s.
   struct Slopes {
     std::array<double, most> in_share{}, in_size{};
+    double curvature = 0.0;
   };
 
   /// False if it adds nothing: a share of 0, or one too many.
