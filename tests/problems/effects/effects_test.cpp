@@ -364,6 +364,10 @@ TEST(Effects, WhatIsMissingIsSaid) {
   EXPECT_FALSE(not_for_pairs.count("pixel_locking"));
   EXPECT_THAT(find_effect("warmup_drift")->missing(bare), ::testing::HasSubstr("time_s"));
   EXPECT_THAT(find_effect("cell_effect")->missing(bare), ::testing::HasSubstr("repeats"));
+  EffectContext one_direction = pairs;
+  one_direction.largest_bearing_rad = 0.0;
+  for (const char* id : {"range_eccentricity", "tilt", "ambient_light"})
+    EXPECT_THAT(find_effect(id)->missing(one_direction), ::testing::HasSubstr("bearing_rad")) << id;
 }
 
 TEST(Effects, PhaseBetweenNeighbouringWavenumbersIsSmall) {

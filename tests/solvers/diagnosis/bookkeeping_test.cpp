@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "rangecal/core/random.hpp"
+#include "solvers/diagnosis/state_of_pairs.hpp"
 #include "support/add_reading.hpp"
 
 namespace rangecal::diagnosis {
@@ -175,6 +176,29 @@ TEST(Grids, OfFewRepeatsOfBearings) {
 TEST(Grids, OfBearingsThatNeverRepeatAreNotJudged) {
   // Against what spread?
   EXPECT_TRUE(found_in_few_repeats([](double range) { return range; }, 0.002, 60, 1).model.empty());
+}
+
+TEST(Grids, AreComparedWithTheSpreadThatEffectsOfTheNoiseLeave) {
+  // Known distances read once, to 1 mm, with noise of 20 mm, of which the fit has 0.2 mm in the curve's own law.
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  Random random(seed_from("Grids.SpreadOfEffects"));
+  for (int i = 0; i < 300; ++i) {
+    const double d = 1.0 + 0.01 * i + 1e-4 * random.normal();
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(1e-3 * std::round(1e3 * (d + random.normal(0.0, 0.02))));
+    recording.pairs.row.push_back(i + 2);
+  }
+  const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 1});
+  Fit fit;
+  fit.state = testing::state_of_pairs(rows, Eigen::Vector2d(0.0, 1.0), NoiseLaw::constant, 0.0002);
+  Bookkeeping known;
+  EXPECT_TRUE(add_grid_beside(rows, fit, known));
+  known = {};
+  const double factor = std::log(1e4);  // of the variance
+  fit.model = {{find_effect("noise_law"), Eigen::Vector3d(factor, factor, 1.0)}};
+  EXPECT_FALSE(add_grid_beside(rows, fit, known));
+  EXPECT_TRUE(known.model.empty());
 }
 
 TEST(Grids, OfFewRepeatsInMetres) {

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/battery.hpp"
 #include "diagnosis/refit.hpp"
 #include "diagnosis/wandering_part.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -53,10 +54,11 @@ TEST(WanderingPart, DensityAndMomentsBehindAReadingAreThoseOfTheIntegral) {
   }
 }
 
-/// 500 readings a second apart at distances of their own: f = 0.05 + 0.95 d + 0.02 d^2, s = 0.01 f; the share 0.7 of the variance wanders
-/// with correlation 0.9 a second, and `late` of the readings are further by an exponential of mean 0.2 m.
-Recording late_and_wandering(double late, const std::string& name, std::uint64_t number = 0) {
-  constexpr double wanders = 0.7, rho = 0.9;
+/// 500 readings a second apart at distances of their own: f = 0.05 + 0.95 d + 0.02 d^2, s = 0.01 f; the share `wanders` of the variance
+/// wanders with correlation 0.9 a second, and `late` of the readings are further by an exponential of mean 0.2 m.
+Recording late_and_wandering(double late, const std::string& name, std::uint64_t number = 0,
+                             double wanders = 0.7) {
+  constexpr double rho = 0.9;
   Random random(seed_from(name, {number}));
   Recording recording;
   recording.kind = RecordingKind::pairs;
@@ -178,6 +180,36 @@ TEST(TailsAlongSequence, SharesAndCorrelationsOfManyRecordingsAreThoseTheyWereDr
   // Of 5 parameters the largest t of 11 degrees of freedom exceeds 4.2 with a probability of 0.7 %.
   for (Eigen::Index j = 3; j < truth.size(); ++j)
     EXPECT_LT(std::abs(mean[j] - truth[j]), 4.2 * error[j]) << j << ": " << mean[j] << " +- " << error[j];
+}
+
+/// The scores of questions about tails that the fits of many recordings leave.
+std::vector<double> scores_left(const char* shape, bool along) {
+  std::vector<double> scores;
+  for (std::uint64_t r = 0; r < 30; ++r) {
+    Recording recording = late_and_wandering(0.06, "TailsAlongSequence.Left", r, along ? 0.7 : 0.0);
+    Model model = late_and_wandering_model(0.03, 0.5, 0.5, 0.4);
+    if (!along) {
+      recording.pairs.time_s.clear();
+      model.erase(model.begin());
+    }
+    const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
+    const Fit fit = refit(rows, model, near_truth(rows, 0.03), {});
+    for (const Question& q : Battery(rows, fit.model, fit.state).questions)
+      if (q.channel == "range_tail" && q.shape == shape && q.z) scores.push_back(*q.z);
+  }
+  return scores;
+}
+
+TEST(TailsAlongSequence, WhatTheRightLawLeavesOfReadingsReadOnceIsNormal) {
+  for (const bool along : {true, false})
+    for (const char* shape : {"heavy tails", "skew"}) {
+      const std::vector<double> z = scores_left(shape, along);
+      ASSERT_EQ(z.size(), 30u) << shape;
+      double squares = 0.0;
+      for (const double each : z) squares += each * each;
+      // chi-square of 30 degrees of freedom: above 59.7 once in a thousand; the fitted law takes up part of it
+      EXPECT_LT(squares, 59.7) << shape << ' ' << along;
+    }
 }
 
 }  // namespace
