@@ -12,6 +12,7 @@
 #include <set>
 #include <string>
 
+#include "diagnosis/battery.hpp"
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/held_recordings.hpp"
@@ -127,9 +128,8 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
       log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
   const double taken =
       generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;
-  const double chi_sq = projector.whitened(projector.range_residual).squaredNorm() +
-                        projector.bearing_residual.cwiseAbs2().dot(projector.bearing_information);
-  result.after.chi_sq_per_dof = chi_sq / std::max(1.0, found.first->cell_dof - taken);
+  const Battery battery = Battery::of_nothing(rows, generic.fit.model, generic.fit.state, found.rates);
+  result.after.chi_sq_per_dof = battery.cell_chi_sq / std::max(1.0, found.first->cell_dof - taken);
   return generic;
 }
 
