@@ -102,12 +102,11 @@ void Battery::score_rows(const Model& model) {
     rescored_ = true;
     const auto at = static_cast<Eigen::Index>(i);
     const int cell = rows_.cell[i];
-    double spread = projector_.geometry().spread[cell] * std::exp(0.5 * changes_.range_log_variance[at]);
+    const double spread = projector_.geometry().spread[cell] * working_.tail_spread_factor(at);
     if (rows_.cell_begin[cell + 1] - rows_.cell_begin[cell] > 1) {
       range_scores_[at] = tails.normal_score(range_scores_[at] * spread, spread);
       continue;
     }
-    if (working_.prediction_spread.size() > 0) spread *= working_.prediction_spread[at];
     const double centre = working_.tail_centre.size() > 0 ? working_.tail_centre[at] : 0.0;
     const double error = projector_.range_residual[cell] + working_.tail_shift[at] - centre;
     range_cell_scores_[cell] = tails.normal_score(error, spread);

@@ -113,8 +113,8 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   GenericModel generic = fit_generic_model(rows, found, RefitOptions{});
   if (!generic.effect) return std::nullopt;
   add_profile_limits(rows, RefitOptions{}, generic.fit);
-  const WorkingProblem working = working_problem(rows, generic.fit.model, generic.fit.state);
-  const Projector projector(rows, working, generic.fit.state);
+  const Battery battery = Battery::of_nothing(rows, generic.fit.model, generic.fit.state, found.rates);
+  const Projector& projector = battery.projector();
   result.after.nll = generic.fit.nll;
   result.after.rms_range_m = std::sqrt(projector.range_residual.squaredNorm() / rows.cell_count);
   result.after.rms_bearing_rad = std::sqrt(projector.bearing_residual.squaredNorm() / rows.cell_count);
@@ -128,7 +128,6 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
       log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
   const double taken =
       generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;
-  const Battery battery = Battery::of_nothing(rows, generic.fit.model, generic.fit.state, found.rates);
   result.after.chi_sq_per_dof = battery.cell_chi_sq / std::max(1.0, found.first->cell_dof - taken);
   return generic;
 }

@@ -130,8 +130,9 @@ ScoringSlopes Scoring::at(const Point& point) const {
   add_slopes_of_effects(point, geometry, means, spreads);
   const bool along = !working.serial.independent();
   if (tails_ && along)
-    return slopes_of(
-        point, prediction_slopes(rows_, point.model, working, geometry, {means, spreads, levels}, own_));
+    return slopes_of(point,
+                     prediction_slopes(rows_, point.model, working, geometry,
+                                       {std::move(means), std::move(spreads), std::move(levels)}, own_));
   Eigen::VectorXd root(n), z(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
@@ -261,14 +262,15 @@ bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& s
 
 namespace {
 
+constexpr double far_off = 2.0;  ///< of the level of errors, in units of what is expected
+
 /// The point with the level of the noise that its errors have, where they are far larger than it expects.
 Point with_level_of_errors(const Rows& rows, Point point) {
-  constexpr double far = 2.0;
   Eigen::VectorXd z = sequence_residuals(point.working, cell_geometry(rows, point.state));
   double squares = point.working.serial.whitened(std::move(z)).squaredNorm();
   if (point.working.tail_square.size() > 0) squares += point.working.tail_square.sum();
   const double level = std::sqrt(squares / static_cast<double>(rows.size()));
-  if (!(level > far) || !std::isfinite(level)) return point;
+  if (!(level > far_off) || !std::isfinite(level)) return point;
   JointState state = point.state;
   state.noise.parameters[0] *= level;
   Point wider = point_at(rows, point.model, std::move(state));
@@ -278,9 +280,8 @@ Point with_level_of_errors(const Rows& rows, Point point) {
 /// Where scoring starts: at the state of `fit`, or, where most readings are outliers there (a member was taken out that had moved
 /// them all), where the calibration is without tails, if that is likelier.
 Point start_of(const Rows& rows, const RefitOptions& options, const Fit& fit) {
-  constexpr double far = 2.0;
   Point start = with_level_of_errors(rows, point_at(rows, fit.model, fit.state));
-  if (std::isfinite(start.nll) && level_of_errors(rows, start.working, start.state) < far) return start;
+  if (std::isfinite(start.nll) && level_of_errors(rows, start.working, start.state) < far_off) return start;
   Model others = fit.model;
   std::erase_if(others, is_tail);
   JointState state = fit.state;

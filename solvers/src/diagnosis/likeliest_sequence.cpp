@@ -15,11 +15,6 @@ bool is_of_sequence(const Rows& rows, const Model& model, const FreeParameter& p
          model[static_cast<std::size_t>(p.effect)].effect->info().kind == EffectKind::dependence;
 }
 
-SerialErrors serial_errors_of(const Rows& rows, const Model& model) {
-  const Dependence dependence = dependence_of(model);
-  return SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
-}
-
 double logit_between(std::pair<double, double> bounds, double value) {
   const double share = (value - bounds.first) / (bounds.second - bounds.first);
   return std::clamp(std::log(share / (1.0 - share)), -largest_logit, largest_logit);
@@ -42,8 +37,8 @@ std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
   if (own.empty()) return std::nullopt;
   std::pair<Model, JointState> found{model, state};
   const CellGeometry geometry = cell_geometry(rows, state);
-  const Eigen::VectorXd z = sequence_residuals(working, geometry);
   const bool tails = has_tails(model);
+  const Eigen::VectorXd z = tails ? Eigen::VectorXd() : sequence_residuals(working, geometry);
   const double count = static_cast<double>(rows.size());
   Model& trial = found.first;
   const auto set = [&](const std::vector<double>& logits) {

@@ -12,9 +12,6 @@ namespace rangecal::diagnosis {
 /// True if the parameter is of errors that wander along a sequence.
 bool is_of_sequence(const Rows& rows, const Model& model, const FreeParameter& p);
 
-/// How the errors of the model hang together along the sequence.
-SerialErrors serial_errors_of(const Rows& rows, const Model& model);
-
 /// A sequence's parameter between its bounds moves by its logit, which stays within +-largest_logit.
 inline constexpr double largest_logit = 8.0;
 double logit_between(std::pair<double, double> bounds, double value);

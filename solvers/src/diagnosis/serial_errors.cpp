@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/wandering_part.hpp"
+
 namespace rangecal::diagnosis {
 
 int Sequence::links() const {
@@ -43,24 +45,16 @@ SerialErrors::SerialErrors(const Sequence& sequence, double q, double rho, const
   before_ = sequence.before;
   for (auto* column : {&phi_, &gain_, &root_}) column->resize(n);
   part_.assign(n, 1.0);
-  std::vector<double> left(n);  // variance of x_i given the readings up to i
+  WanderingPart part(sequence, q, rho);
   for (const int row : order_) {
     const auto i = static_cast<std::size_t>(row);
-    const bool first = before_[i] < 0;
-    phi_[i] = first ? 0.0 : std::pow(rho, sequence.gap[i]);
-    const double expected = (first ? 0.0 : phi_[i] * phi_[i] * left[static_cast<std::size_t>(before_[i])]) +
-                            q * (1.0 - phi_[i] * phi_[i]);
-    const double variance = expected + 1.0 - q;
-    gain_[i] = expected / variance;
-    if (weight.size() > 0) {
-      left[i] = (1.0 - gain_[i] * curvature[row]) * expected;
-      part_[i] = std::sqrt(weight[row]);
-      gain_[i] *= part_[i];  // of a surprise that is sqrt(w_i) times as large
-    } else {
-      left[i] = (1.0 - gain_[i]) * expected;
-    }
-    root_[i] = std::sqrt(variance);
-    log_determinant_ += std::log(variance);
+    const WanderingPart::Prediction before = part.before(row);
+    part.leave(row, 0.0, before.variance_behind(weight.size() > 0 ? curvature[row] : 1.0));
+    phi_[i] = before.correlation;
+    if (weight.size() > 0) part_[i] = std::sqrt(weight[row]);
+    gain_[i] = before.variance / before.error_variance * part_[i];  // of a surprise sqrt(w_i) times as large
+    root_[i] = before.spread();
+    log_determinant_ += std::log(before.error_variance);
   }
 }
 

@@ -24,7 +24,7 @@ struct Sequence {
 /// with v, w independent N(0, 1): q [-] is the share of the variance that wanders, rho its correlation over the usual gap. The
 /// one-step predictions of Kalman's filter make them independent: u = K e is N(0, I), K lower triangular in the order of
 /// the sequence. Every operation costs one pass over the rows.
-/// Beside tails (TailPredictions) the law of e_i given the readings before it has a Gaussian that stands for it, of weight w_i, and a
+/// Beside tails (WanderingPart) the law of e_i given the readings before it has a Gaussian that stands for it, of weight w_i, and a
 /// curvature J_i, both 1 where it is normal; e is then what remains of the errors less the shifts, times sqrt(w_i).
 /// Source: Kalman 1960; Jones 1980 for gaps of any length; Masreliez 1975 beside tails.
 class SerialErrors {

@@ -15,10 +15,8 @@ namespace {
 std::pair<double, double> error_and_spread(const Rows& rows, const WorkingProblem& working,
                                            const CellGeometry& geometry, Eigen::Index row) {
   const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(row)]);
-  const double change = working.range_log_variance.size() > 0 ? 0.5 * working.range_log_variance[row] : 0.0;
-  const double of_prediction = working.prediction_spread.size() > 0 ? working.prediction_spread[row] : 1.0;
   return {working.range_of_tail(row) - geometry.f[cell],
-          of_prediction * geometry.spread[cell] * std::exp(change)};
+          geometry.spread[cell] * working.tail_spread_factor(row)};
 }
 
 }  // namespace

@@ -20,8 +20,8 @@ using Told = Eigen::Array3d;
 struct ReadingAlong {
   double error, spread;
   WanderingPart::Prediction before;
-  double own() const { return spread * before.spread; }  ///< spread of the prediction's error [m]
-  double gain() const { return before.variance / before.spread; }
+  double own() const { return spread * before.spread(); }  ///< spread of the prediction's error [m]
+  double gain() const { return before.variance / before.spread(); }
 
   /// Of z = prediction's error / `own`, where it is larger by `more` of itself: ln p, its slope and its curvature.
   Eigen::Array3d density(const TailLaw& law, double z_more = 0.0, double more = 0.0) const {
@@ -43,8 +43,8 @@ struct ReadingAlong {
 ReadingAlong reading_along(const Rows& rows, const WorkingProblem& working, const CellGeometry& geometry,
                            const WanderingPart::Prediction& before, int row) {
   const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(row)]);
-  const double change = working.range_log_variance.size() > 0 ? 0.5 * working.range_log_variance[row] : 0.0;
-  return {working.range_with_tail(row) - geometry.f[cell], geometry.spread[cell] * std::exp(change), before};
+  return {working.range_with_tail(row) - geometry.f[cell], geometry.spread[cell] * working.spread_factor(row),
+          before};
 }
 
 constexpr double h = 1e-6;  ///< of differences: of z, logarithms, and q and rho
@@ -58,11 +58,14 @@ struct ToldSlopes {
 /// `wider`: the law where the calibration's spread is larger by the factor exp(h); null: the same.
 ToldSlopes told_slopes(const ReadingAlong& at, const Eigen::Array3d& here, const TailLaw& law,
                        const TailLaw* wider) {
-  const double root = at.before.spread, v = root * root, gain = at.gain();
+  const double root = at.before.spread(), v = at.before.error_variance, gain = at.gain();
   const Told one{1.0, 0.0, 0.0};
   ToldSlopes out;
   out.in_error = at.told_slope((at.density(law, h) - here) / (h * root));
-  const Told in_own = at.told_slope((at.density(law, 0.0, h) - here) / h) - one;  // in ln of the prediction's
+  const auto in_own_of = [&](const TailLaw& under) -> Told {  // in ln of the spread of the prediction's error
+    return at.told_slope((at.density(under, 0.0, h) - here) / h) - one;
+  };
+  const Told in_own = in_own_of(law);
   const auto by_gain = [&](double in_gain) -> Told {
     return {0.0, -in_gain * here[1], -2.0 * gain * in_gain * here[2]};
   };
@@ -70,10 +73,7 @@ ToldSlopes told_slopes(const ReadingAlong& at, const Eigen::Array3d& here, const
   out.in_variance = in_own / (2.0 * v) + by_gain(1.0 / root - less) + Told{0.0, 0.0, 1.0};
   out.in_q = by_gain(less) - in_own / (2.0 * v);
   out.in_spread = in_own - at.before.mean * out.in_error;
-  out.in_level = out.in_spread;
-  if (wider)
-    out.in_level =
-        at.told_slope((at.density(*wider, 0.0, h) - here) / h) - one - at.before.mean * out.in_error;
+  out.in_level = wider ? Told(in_own_of(*wider) - at.before.mean * out.in_error) : out.in_spread;
   return out;
 }
 
@@ -134,7 +134,7 @@ SerialErrors::Columns prediction_slopes(const Rows& rows, const Model& model, co
     part.leave(row, told[1], told[2]);
     const ToldSlopes in = told_slopes(at, here, law, by_spread ? &wider.of(i) : nullptr);
     const int last = rows.sequence.before[i];
-    const double phi = part.correlation(row),
+    const double phi = at.before.correlation,
                  in_rho_of_phi = last < 0 ? 0.0 : phi * rows.sequence.gap[i] / rho;
     for (Eigen::Index a = 0; a < count; ++a) {
       double mean = 0.0, variance = (1.0 - phi * phi) * in_q[a];  // slopes of what is predicted

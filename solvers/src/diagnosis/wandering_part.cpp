@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/wandering_part.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 namespace rangecal::diagnosis {
 
 std::pair<double, double> WanderingPart::Prediction::behind(double slope, double curvature) const {
-  const double gain = variance / spread;
-  return {mean - gain * slope, std::max(0.0, variance - gain * gain * curvature)};
+  return {mean - variance / spread() * slope, variance_behind(curvature)};
 }
 
 WanderingPart::WanderingPart(const Sequence& sequence, double q, double rho)
@@ -18,21 +16,13 @@ WanderingPart::WanderingPart(const Sequence& sequence, double q, double rho)
   variance_.setConstant(n, q);
 }
 
-double WanderingPart::correlation(int row) const {
-  const auto i = static_cast<std::size_t>(row);
-  return sequence_.before[i] < 0 ? 0.0 : std::pow(rho_, sequence_.gap[i]);
-}
-
 WanderingPart::Prediction WanderingPart::before(int row) const {
-  Prediction prediction{0.0, q_, 1.0};
-  const int last = sequence_.before[static_cast<std::size_t>(row)];
-  if (last >= 0) {
-    const double phi = correlation(row);
-    prediction.mean = phi * mean_[last];
-    prediction.variance = phi * phi * variance_[last] + q_ * (1.0 - phi * phi);
-    prediction.spread = std::sqrt(prediction.variance + 1.0 - q_);
-  }
-  return prediction;
+  const auto i = static_cast<std::size_t>(row);
+  const int last = sequence_.before[i];
+  if (last < 0) return {0.0, q_, q_ + 1.0 - q_};
+  const double phi = std::pow(rho_, sequence_.gap[i]);
+  const double variance = phi * phi * variance_[last] + q_ * (1.0 - phi * phi);
+  return {phi * mean_[last], variance, variance + 1.0 - q_, phi};
 }
 
 void WanderingPart::leave(int row, double mean, double variance) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "diagnosis/serial_errors.hpp"
@@ -25,8 +27,13 @@ class WanderingPart {
   WanderingPart(const Sequence& sequence, double q, double rho);
 
   struct Prediction {
-    double mean = 0.0, variance = 0.0;  ///< m_i, P_i
-    double spread = 1.0;                ///< sqrt(v_i)
+    double mean, variance;        ///< m_i, P_i
+    double error_variance = 1.0;  ///< v_i
+    double correlation = 0.0;     ///< phi_i; 0 of the first of its device and group
+    double spread() const { return std::sqrt(error_variance); }
+    double variance_behind(double curvature) const {
+      return std::max(0.0, (1.0 - variance / error_variance * curvature) * variance);
+    }
     /// Mean and variance behind the reading, whose log density has the slope D_i and the curvature J_i.
     std::pair<double, double> behind(double slope, double curvature) const;
   };
@@ -34,8 +41,6 @@ class WanderingPart {
   Prediction before(int row) const;
   /// What the reading of a row leaves of the part.
   void leave(int row, double mean, double variance);
-  /// phi_i; 0 of the first of its device and group.
-  double correlation(int row) const;
   /// What the row before it left.
   double mean_left(int row) const { return mean_[row]; }
   double variance_left(int row) const { return variance_[row]; }

@@ -79,11 +79,16 @@ double likeliest_shared_error(std::vector<double> errors, const std::vector<doub
   return c;
 }
 
-/// What the NLL of a law at z has more than that of the Gaussian that stands for it.
-double nll_beside_gaussian(const LogDensity& at, double z) {
-  const double off = z - at.shift;
-  return 0.5 * std::log(at.weight) - half_log_two_pi - at.value -
-         0.5 * (at.weight * off * off + at.extra_square);
+/// Puts in the place of the law of a row's error the Gaussian that stands for it there; `constant` takes what the NLL has more.
+void put_gaussian(const LogDensity& at, double error, double spread, Eigen::Index row,
+                  Eigen::ArrayXd& range_m, WorkingProblem& working) {
+  const double off = error / spread - at.shift;
+  working.constant += 0.5 * std::log(at.weight) - half_log_two_pi - at.value -
+                      0.5 * (at.weight * off * off + at.extra_square);
+  working.range[row] -= at.shift * spread;
+  range_m[row] /= at.weight;
+  working.tail_shift[row] = at.shift * spread;
+  working.tail_square[row] = at.extra_square;
 }
 
 /// The Gaussian that stands for the law of every row's error at its residual (expectation and maximisation): shifts `range` and divides the
@@ -117,17 +122,12 @@ void add_tails(const Rows& rows, const CellGeometry& geometry, const Model& mode
     const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)]);
     const double spread = geometry.spread[cell] * std::sqrt(range_m[i]),
                  error = working.range_of_tail(i) - geometry.f[cell];
-    const LogDensity at = tails.density(error, spread);
-    working.constant += nll_beside_gaussian(at, error / spread);
     if (working.tail_shift.size() == 0) {
       working.tail_shift.setZero(n);
       working.tail_square.setZero(n);
       working.range_log_variance = changes.range_log_variance;
     }
-    working.range[i] -= at.shift * spread;
-    range_m[i] /= at.weight;
-    working.tail_shift[i] = at.shift * spread;
-    working.tail_square[i] = at.extra_square;
+    put_gaussian(tails.density(error, spread), error, spread, i, range_m, working);
   }
 }
 
@@ -148,19 +148,15 @@ void add_tails_along(const Rows& rows, const CellGeometry& geometry, const Model
     const auto i = static_cast<std::size_t>(row);
     const auto cell = static_cast<std::size_t>(rows.cell[i]);
     const WanderingPart::Prediction before = part.before(row);
-    const double spread = geometry.spread[cell] * std::sqrt(range_m[row]), own = spread * before.spread,
+    const double spread = geometry.spread[cell] * std::sqrt(range_m[row]), own = spread * before.spread(),
                  centre = spread * before.mean, error = working.range[row] - geometry.f[cell] - centre;
     TailLaw::Slopes slopes;
     const LogDensity at = laws.of(i).density(error, own, &slopes);
     const auto [mean, variance] = before.behind(at.derivative, slopes.curvature);
     part.leave(row, mean, variance);
-    working.constant += nll_beside_gaussian(at, error / own);
-    working.range[row] -= at.shift * own;
-    range_m[row] /= at.weight;
-    working.tail_shift[row] = at.shift * own;
-    working.tail_square[row] = at.extra_square;
+    put_gaussian(at, error, own, row, range_m, working);
     working.tail_centre[row] = centre;
-    working.prediction_spread[row] = before.spread;
+    working.prediction_spread[row] = before.spread();
     weight[row] = at.weight;
     curvature[row] = slopes.curvature;
   }
@@ -241,6 +237,11 @@ TailLaw tail_law_of(const Rows& rows, const CellGeometry& geometry, const Model&
   return TailLaws(rows, geometry, model).of(row);
 }
 
+SerialErrors serial_errors_of(const Rows& rows, const Model& model) {
+  const Dependence dependence = dependence_of(model);
+  return SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
+}
+
 std::vector<StopPrior> commanded_under(const Rows& rows, const Model& model) {
   std::vector<StopPrior> stops = rows.problem.stops;
   for (const ActiveEffect& active : model)
@@ -287,9 +288,9 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     if (rows.reads_bearings())
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - geometry.bearing[cell]);
   }
-  const bool along =
-      !rows.sequence.empty() && dependence.range_correlation > 0.0 && dependence.range_correlated_share > 0.0;
-  if (along && has_tails(model))
+  const bool tails_along = has_tails(model) && !rows.sequence.empty() && dependence.range_correlation > 0.0 &&
+                           dependence.range_correlated_share > 0.0;
+  if (tails_along)
     add_tails_along(rows, geometry, model, changes, dependence, range_m, working);
   else if (has_tails(model))
     add_tails(rows, geometry, model, changes, dependence.range_cell_sigma_m, range_m, working);
@@ -297,9 +298,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     working.range_whitening = whitening_of(range_m, dependence.range_correlation);
   } else {
     working.range_whitening = whitening_of(range_m, 0.0);
-    if (working.serial.independent())
-      working.serial =
-          SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
+    if (!tails_along) working.serial = serial_errors_of(rows, model);
     working.constant += 0.5 * working.serial.log_determinant();
   }
   CellsAndRows range = split(rows, working.range, working.range_whitening);

@@ -33,6 +33,8 @@ Model without_grids(const Model& model);
 
 /// How the readings of one cell hang together under all of the model's effects but its grids, which share by cell.
 Dependence dependence_of(const Model& model);
+/// How the errors of the model hang together along the sequence, its tails left out.
+SerialErrors serial_errors_of(const Rows& rows, const Model& model);
 
 class Sides;
 

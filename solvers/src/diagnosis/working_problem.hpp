@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 
 #include "diagnosis/rows.hpp"
 #include "diagnosis/whitening.hpp"
@@ -41,6 +42,14 @@ struct WorkingProblem : WorkingCells {
   /// That less the centre [m], whose error the law of the tail is of.
   double range_of_tail(Eigen::Index row) const {
     return range_with_tail(row) - (tail_centre.size() > 0 ? tail_centre[row] : 0.0);
+  }
+  /// The spread of a row without its tails, over the calibration's.
+  double spread_factor(Eigen::Index row) const {
+    return range_log_variance.size() > 0 ? std::exp(0.5 * range_log_variance[row]) : 1.0;
+  }
+  /// That of the error whose law the tail is of.
+  double tail_spread_factor(Eigen::Index row) const {
+    return spread_factor(row) * (prediction_spread.size() > 0 ? prediction_spread[row] : 1.0);
   }
   Whitening range_whitening, bearing_whitening;
   Eigen::VectorXd range_deviation, bearing_deviation;  ///< white, from the cell means [m], [rad]

@@ -10,9 +10,11 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/random.hpp"
+#include "solvers/diagnosis/expect_optimum.hpp"
 #include "solvers/diagnosis/state_of_pairs.hpp"
 
 namespace rangecal::diagnosis {
@@ -75,18 +77,9 @@ TEST(JointScoring, EndsWhereTheScoreIsZero) {
       of_warm[1],         of_late[0],         of_late[1],         std::log(fit.state.noise.parameters[0])};
   EXPECT_NEAR(fit.nll, nll_of(recording, of_warm[2], found),
               0.01);  // tails' own value, an upper bound at the last weights
-  constexpr Parameters steps{1e-4, 1e-4, 1e-5, 1e-6, 1e-6, 1e-4, 1e-4, 1e-4};
-  for (std::size_t j = 0; j + 1 < found.size(); ++j) {  // ln sigma is REML's
-    const auto at = [&](double side) {
-      Parameters x = found;
-      x[j] += side * steps[j];
-      return nll_of(recording, of_warm[2], x);
-    };
-    const double score = (at(1.0) - at(-1.0)) / (2.0 * steps[j]);
-    const double information = (at(1.0) - 2.0 * at(0.0) + at(-1.0)) / (steps[j] * steps[j]);
-    ASSERT_GT(information, 0.0) << j;
-    EXPECT_LT(std::abs(score) / std::sqrt(information), 0.1) << j;  // standard deviations off its optimum
-  }
+  const std::vector<double> steps{1e-4, 1e-4, 1e-5, 1e-6, 1e-6, 1e-4, 1e-4};  // ln sigma is REML's
+  testing::expect_optimum([&](const Parameters& x) { return nll_of(recording, of_warm[2], x); }, found, steps,
+                          0.1);
 }
 
 /// 400 readings a second apart, all at distances of their own: f = 0.05 + 0.95 d + 0.02 d^2, s = 0.02 f; the share 0.6 of the variance
@@ -145,18 +138,11 @@ TEST(JointScoring, FindsWhatWandersTogetherWithTheCurve) {
   const std::array<double, 6> found{fit.state.alpha[0], fit.state.alpha[1],
                                     fit.state.alpha[2], wanders[0],
                                     wanders[2],         std::log(fit.state.noise.parameters[0])};
-  for (std::size_t j = 0; j + 1 < found.size(); ++j) {  // ln sigma is REML's
-    const double step = 1e-4 * (j < 3 ? 0.1 : 1.0) * std::max(0.1, std::abs(found[j]));
-    const auto at = [&](double side) {
-      std::array<double, 6> x = found;
-      x[j] += side * step;
-      return nll_of_wandering(recording, x);
-    };
-    const double score = (at(1.0) - at(-1.0)) / (2.0 * step);
-    const double information = (at(1.0) - 2.0 * at(0.0) + at(-1.0)) / (step * step);
-    ASSERT_GT(information, 0.0) << j;
-    EXPECT_LT(std::abs(score) / std::sqrt(information), 0.2) << j;  // standard deviations off its optimum
-  }
+  std::vector<double> steps;
+  for (std::size_t j = 0; j + 1 < found.size(); ++j)  // ln sigma is REML's
+    steps.push_back(1e-4 * (j < 3 ? 0.1 : 1.0) * std::max(0.1, std::abs(found[j])));
+  testing::expect_optimum([&](const std::array<double, 6>& x) { return nll_of_wandering(recording, x); },
+                          found, steps, 0.2);
 }
 
 TEST(JointScoring, IsNotForErrorsSharedByCells) {
