@@ -114,9 +114,17 @@ std::vector<CurveBasis> bases(const Question& finding, const Eigen::VectorXd& x)
 
 }  // namespace
 
-Eigen::MatrixXd directions_left(const Rows& rows, const Projector& projector, CurveChannel channel,
-                                const Eigen::VectorXd& x, const CurveBasis& basis) {
-  return reduce(score_of(rows, projector, channel, x, basis), 0.0).directions;
+std::vector<Eigen::MatrixXd> directions_left(const Rows& rows, const Projector& projector,
+                                             CurveChannel channel, const Eigen::VectorXd& x,
+                                             const CurveBasis& basis,
+                                             const std::vector<Eigen::MatrixXd>& roots) {
+  const Scored scored = score_of(rows, projector, channel, x, basis);
+  std::vector<Eigen::MatrixXd> left;
+  for (const Eigen::MatrixXd& root : roots)
+    left.push_back(
+        root * reduce({root.transpose() * scored.score, root.transpose() * scored.information * root}, 0.0)
+                   .directions);
+  return left;
 }
 
 std::optional<CurveFit> fit_curve(const Rows& rows, const Projector& projector, const Fit& base,

@@ -33,10 +33,12 @@ struct GenericModel {
   GenericCurve curve;
 };
 
-/// Directions of a basis along x, of one value a reading, that the calibration leaves: of a ten-thousandth of the largest
-/// information or more.
-Eigen::MatrixXd directions_left(const Rows& rows, const Projector& projector, CurveChannel channel,
-                                const Eigen::VectorXd& x, const CurveBasis& basis);
+/// For each root L, of the covariance L L^T that a basis's coefficients have: the directions of L a, a independent with one standard
+/// deviation, that the calibration leaves, of a ten-thousandth of the largest information or more. x: the covariate at every reading.
+std::vector<Eigen::MatrixXd> directions_left(const Rows& rows, const Projector& projector,
+                                             CurveChannel channel, const Eigen::VectorXd& x,
+                                             const CurveBasis& basis,
+                                             const std::vector<Eigen::MatrixXd>& roots);
 
 /// A curve over one covariate, added to a model and fitted.
 struct CurveFit {

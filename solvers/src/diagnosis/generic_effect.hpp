@@ -87,6 +87,7 @@ class GenericEffect final : public Effect {
   const CurveBasis& basis() const { return basis_; }
   const Eigen::MatrixXd& directions() const { return directions_; }
   double choices = 1.0;  ///< shapes and sizes that it is chosen from along its covariate
+  bool smooth = true;    ///< it is not of one shape that may have edges: a step, a stretch, a harmonic
 
  private:
   Eigen::VectorXd coefficients(const double* p) const {

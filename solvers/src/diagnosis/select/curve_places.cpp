@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <memory>
 #include <set>
 #include <string>
 #include <utility>
@@ -16,6 +18,8 @@ namespace {
 
 constexpr std::size_t most_groups = 60;
 constexpr std::size_t most_knots_by_landmark = 40;  ///< each is a parameter of every fit that holds the curve
+constexpr double gentle = 0.6,
+                 rough = 0.15;  ///< lengths over which a smooth curve's values hang together, of its span
 
 /// So many knots at equal shares of each landmark's readings.
 CurveBasis basis_by_landmark(const std::vector<double>& sorted, int count) {
@@ -29,8 +33,34 @@ CurveBasis basis_by_landmark(const std::vector<double>& sorted, int count) {
   return basis;
 }
 
+/// A smooth curve, and for each of several laws of its values at the knots a root L of their covariance L L^T, in units of that at
+/// one knot: where they hang together, a curve of many knots has few parameters that matter.
+struct SmoothCurve {
+  CurveBasis basis;
+  std::vector<Eigen::MatrixXd> roots;
+};
+
+/// Of values at equal steps from 0 to 1 that hang together over a length: Matern's covariance of order 3/2 (Rasmussen and Williams
+/// 2006, eq. 4.17).
+Eigen::MatrixXd root_of_values(Eigen::Index knots, double length) {
+  Eigen::MatrixXd covariance(knots, knots);
+  for (Eigen::Index i = 0; i < knots; ++i)
+    for (Eigen::Index j = 0; j < knots; ++j) {
+      const double r =
+          std::sqrt(3.0) * static_cast<double>(std::abs(i - j)) / (length * static_cast<double>(knots - 1));
+      covariance(i, j) = (1.0 + r) * std::exp(-r);
+    }
+  return covariance.llt().matrixL();
+}
+
+SmoothCurve independent(CurveBasis basis) {
+  const Eigen::Index knots = basis.size();
+  return {std::move(basis), {Eigen::MatrixXd::Identity(knots, knots)}};
+}
+
 /// Knots at equal shares of the readings, or one value for each of few; none where there is nothing to vary along.
-std::vector<CurveBasis> bases_along(const std::string& covariate, const Eigen::VectorXd& x) {
+std::vector<SmoothCurve> smooth_along(const std::string& covariate, const Rows& rows,
+                                      const Eigen::VectorXd& x) {
   std::vector<double> sorted;
   for (const double v : x)
     if (std::isfinite(v)) sorted.push_back(v);
@@ -43,21 +73,24 @@ std::vector<CurveBasis> bases_along(const std::string& covariate, const Eigen::V
     CurveBasis basis;
     basis.groups = true;
     basis.knots.assign(distinct.begin(), distinct.end());
-    return {basis};
+    return {independent(std::move(basis))};
   }
-  std::vector<CurveBasis> bases;
+  std::vector<SmoothCurve> curves;
   if (covariate == range_by_landmark) {
     for (const int count : {3, 5})
       if (CurveBasis basis = basis_by_landmark(sorted, count); basis.knots.size() <= most_knots_by_landmark)
-        bases.push_back(std::move(basis));
-    return bases;
+        curves.push_back(independent(std::move(basis)));
+    return curves;
   }
-  for (const int count : {4, 9}) {
+  for (const int most : {12, 8, 4}) {
     CurveBasis basis;
-    basis.knots = knots_at_equal_shares(sorted, count);
-    if (basis.knots.size() >= 3) bases.push_back(std::move(basis));
+    basis.knots = knots_at_equal_shares(sorted, most);
+    const Eigen::Index knots = basis.size();
+    if (knots < 3 || !has_cells_for(rows, basis)) continue;
+    curves.push_back({std::move(basis), {root_of_values(knots, gentle), root_of_values(knots, rough)}});
+    break;
   }
-  return bases;
+  return curves;
 }
 
 /// Value 1 between `from` and `to`, 0 elsewhere, over so short a way that no reading lies on it.
@@ -115,8 +148,9 @@ std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projecto
   struct Wanted {
     std::string channel, covariate;
     CurveBasis basis;
-    Eigen::MatrixXd directions;  ///< none: those that the calibration leaves of a smooth curve
-    std::size_t among = 1;       ///< shapes of the same kind
+    std::vector<Eigen::MatrixXd> directions;  ///< of each curve; of smooth ones, the roots
+    bool smooth = false;
+    std::size_t among = 1;  ///< curves of the same kind
     const Eigen::VectorXd* x = nullptr;
   };
   std::vector<Eigen::VectorXd> values;
@@ -126,34 +160,41 @@ std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projecto
     const CovariateOf value = covariate_of(rows, covariate);
     if (!value) continue;
     const Eigen::VectorXd& x = values.emplace_back(values_along(rows, projector.geometry(), value));
-    std::vector<CurveBasis> bases = bases_along(covariate, x);
-    std::erase_if(bases, [&](const CurveBasis& basis) { return !has_cells_for(rows, basis); });
-    if (bases.empty()) continue;
+    std::vector<SmoothCurve> curves = smooth_along(covariate, rows, x);
+    std::erase_if(curves, [&](const SmoothCurve& curve) { return !has_cells_for(rows, curve.basis); });
+    if (curves.empty()) continue;
+    std::size_t smooth = 0;
+    for (const SmoothCurve& curve : curves) smooth += curve.roots.size();
     const std::vector<OneShape> shapes = shapes_along(covariate, rows, x);
     for (const char* channel : {"range", "bearing"}) {
       if ((rows.pairs || covariate == range_by_landmark) && channel != std::string("range")) continue;
-      for (const CurveBasis& basis : bases)
-        wanted.push_back({channel, covariate, basis, {}, bases.size(), &x});
+      for (const SmoothCurve& curve : curves)
+        wanted.push_back({channel, covariate, curve.basis, curve.roots, true, smooth, &x});
       for (const OneShape& shape : shapes)
-        wanted.push_back({channel, covariate, shape.basis, shape.directions, shapes.size(), &x});
+        wanted.push_back({channel, covariate, shape.basis, {shape.directions}, false, shapes.size(), &x});
     }
   }
-  std::vector<CurvePlace> places(wanted.size());
+  std::vector<std::vector<CurvePlace>> made(wanted.size());
   in_parallel(wanted.size(), [&](std::size_t i) {
     const Wanted& w = wanted[i];
     const CurveChannel channel = curve_channel_of(w.channel);
-    Eigen::MatrixXd directions =
-        w.directions.size() > 0 ? w.directions : directions_left(rows, projector, channel, *w.x, w.basis);
-    if (directions.cols() == 0) return;
     const double unit = channel == CurveChannel::range ? spread : sigma_theta_rad;
-    CurvePlace& place = places[i];
-    place.effect =
-        std::make_shared<GenericEffect>(channel, w.channel, w.covariate, covariate_of(rows, w.covariate),
-                                        w.basis, std::move(directions), unit);
-    place.sizes = {0.5 * unit, 2.0 * unit, 8.0 * unit};
-    place.effect->choices = 2.0 * static_cast<double>(w.among * place.sizes.size());
+    std::vector<Eigen::MatrixXd> each = w.directions;
+    if (w.smooth) each = directions_left(rows, projector, channel, *w.x, w.basis, w.directions);
+    for (Eigen::MatrixXd& directions : each) {
+      if (directions.cols() == 0) continue;
+      CurvePlace& place = made[i].emplace_back();
+      place.effect =
+          std::make_shared<GenericEffect>(channel, w.channel, w.covariate, covariate_of(rows, w.covariate),
+                                          w.basis, std::move(directions), unit);
+      place.sizes = {0.5 * unit, 2.0 * unit, 8.0 * unit};
+      place.effect->smooth = w.smooth;
+      place.effect->choices = 2.0 * static_cast<double>(w.among * place.sizes.size());
+    }
   });
-  std::erase_if(places, [](const CurvePlace& place) { return !place.effect; });
+  std::vector<CurvePlace> places;
+  for (std::vector<CurvePlace>& some : made)
+    places.insert(places.end(), std::make_move_iterator(some.begin()), std::make_move_iterator(some.end()));
   return places;
 }
 

@@ -18,7 +18,8 @@ struct CurvePlace {
 
 /// Curves of range and bearing along every covariate that the recording has:
 ///
-///   smooth      few or many knots; along landmarks and stops one value each; of ranges along the distance of each landmark, too
+///   smooth      a Gaussian process of Matern's covariance (order 3/2), whose values hang together over much or over little of the
+///               readings; along landmarks and stops one value each; of ranges along the distance of each landmark, too
 ///   one shape   harmonics 1 to 8 of the direction, one sector of directions, one stretch of distance, one step in time
 ///
 /// half the prior mass each. Directions of smooth ones that the calibration absorbs are left out. Sizes: a half, two and

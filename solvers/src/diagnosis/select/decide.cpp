@@ -17,6 +17,7 @@
 
 #include "diagnosis/alternation.hpp"
 #include "diagnosis/findings.hpp"
+#include "diagnosis/generic_effect.hpp"
 #include "diagnosis/select/rivals.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
@@ -68,22 +69,10 @@ double worth_of(const ActiveEffect& member, const Hypotheses& table, std::size_t
   return std::numeric_limits<double>::infinity();
 }
 
-/// The covariate of a curve; of those that are functions of one another, one for all.
-std::string along(const EffectInfo& info) {
-  if (info.covariate == "disparity") return "range";
-  return info.covariate == "stop" ? "time" : info.covariate;
-}
-
-/// True if a member is a curve in a name's own channel and along its covariate.
-bool is_curve_along(const ActiveEffect& member, const EffectInfo& name) {
-  const EffectInfo& info = member.effect->info();
-  return is_generic(*member.effect) && info.channel == name.channel && along(info) == along(name);
-}
-
-/// What such a curve is worth [nats], in the likeliest set; 0 without one.
+/// What a curve in a name's own channel and along its covariate is worth [nats], in the likeliest set; 0 without one.
 double worth_of_curve_along(const EffectInfo& name, const Hypotheses& table, std::size_t known) {
   for (const ActiveEffect& member : table.front()->fit.model)
-    if (is_curve_along(member, name)) return worth_of(member, table, known);
+    if (is_curve_along(*member.effect, name)) return worth_of(member, table, known);
   return 0.0;
 }
 
@@ -102,7 +91,7 @@ double margin_over_curve(const ActiveEffect& name, const Hypotheses& table, std:
   for (const auto& h : table) {  // the likeliest first
     const Model& model = h->fit.model;
     const bool of_its_place = std::any_of(model.begin(), model.end(), [&](const ActiveEffect& member) {
-      return is_curve_along(member, name.effect->info());
+      return is_curve_along(*member.effect, name.effect->info());
     });
     if (has_generic(model) && !of_its_place && member_names(without_curves(model), known) == rest)
       return table.front()->log_posterior - h->log_posterior;
@@ -112,19 +101,28 @@ double margin_over_curve(const ActiveEffect& name, const Hypotheses& table, std:
 
 /// Nats by which the likeliest set, its formulas as they stand, is likelier than the set that has in place of one of its names a curve
 /// of its channel and covariate. Where it is not, it is the allowance for a formula that is off that keeps the name: the shape is another.
+/// A curve with an edge of its own says nothing against a jump.
 double margin_as_it_stands(const ActiveEffect& name, const Hypotheses& table, std::size_t known) {
   const auto as_it_stands = [](const Hypothesis& h) { return h.log_posterior - h.formula_allowance; };
+  const bool jumps = Sides::matter({name});
+  const auto is_in_place = [&](const ActiveEffect& member) {
+    return is_curve_along(*member.effect, name.effect->info()) &&
+           (!jumps || dynamic_cast<const GenericEffect&>(*member.effect).smooth);
+  };
   std::vector<std::string> rest = member_names(table.front()->fit.model, known);
   std::erase(rest, member_name(*name.effect));
   double margin = std::numeric_limits<double>::infinity();
   for (const auto& h : table) {
     Model others = h->fit.model;
-    if (std::erase_if(others,
-                      [&](const ActiveEffect& a) { return is_curve_along(a, name.effect->info()); }) == 1 &&
-        member_names(others, known) == rest)
+    if (std::erase_if(others, is_in_place) == 1 && member_names(others, known) == rest)
       margin = std::min(margin, as_it_stands(*table.front()) - as_it_stands(*h));
   }
   return margin;
+}
+
+/// What that margin is at least, of what the name is worth.
+double least_margin_as_it_stands(const ActiveEffect& name, const SelectionPriors& priors) {
+  return Sides::matter({name}) ? priors.jump_over_curve : -priors.formula_misses;
 }
 
 /// Probability of sets that the linearised problem makes likely and that were not fitted, over these and those that were.
@@ -259,8 +257,8 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
         probability < 0.5 ? "refused, another name is as probable"
         : margin_over_curve(member, table, known) < priors.over_curve
             ? "refused, a curve without a name is hardly less likely in its place"
-        : margin_as_it_stands(member, table, known) < -priors.formula_misses * worth
-            ? "refused, a curve of its own covariate is likelier than its formula as it stands"
+        : margin_as_it_stands(member, table, known) < least_margin_as_it_stands(member, priors) * worth
+            ? "refused, a curve of its own covariate does as well as its formula as it stands"
         : worth < least ? "refused, worth too little beside the others"
         : may_be_an_edge(member, worth, table, known, priors)
             ? "refused, it may be an edge of what the curve beside it stands for"

@@ -129,7 +129,7 @@ double log_density_of_curves(const Fit& fit, const std::vector<Eigen::Index>& of
     const Eigen::MatrixXd S = V.block(begin, begin, size, size);
     const double rms = own.norm() / std::sqrt(static_cast<double>(size));
     double best = -std::numeric_limits<double>::infinity(), variance = 0.0;
-    for (const double share : {0.1, 0.3, 0.6, 1.0, 1.5}) {
+    for (const double share : {0.01, 0.03, 0.1, 0.3, 0.6, 1.0, 1.5}) {
       const double tau = share * rms;
       const double density = log_normal_density(own, S + tau * tau * Eigen::MatrixXd::Identity(size, size));
       if (density > best) best = density, variance = tau * tau;

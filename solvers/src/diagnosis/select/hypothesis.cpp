@@ -39,6 +39,15 @@ Model without_curves(Model model) {
   return model;
 }
 
+bool is_curve_along(const Effect& effect, const EffectInfo& name) {
+  const auto along =
+      [](const EffectInfo& info) {  // of covariates that are functions of one another, one for all
+        if (info.covariate == "disparity") return std::string("range");
+        return info.covariate == "stop" ? "time" : info.covariate;
+      };
+  return is_generic(effect) && effect.info().channel == name.channel && along(effect.info()) == along(name);
+}
+
 std::string curve_name(const std::string& channel, const std::string& covariate) {
   return "curve of " + channel + " along " + covariate;
 }

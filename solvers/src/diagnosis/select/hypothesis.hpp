@@ -36,7 +36,10 @@ TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known);
 /// True if the effect is a curve without a name.
 bool is_generic(const Effect& effect);
 
-/// True if one of the effects is.
+/// True if an effect is a curve in a name's own channel and along its covariate.
+bool is_curve_along(const Effect& effect, const EffectInfo& name);
+
+/// True if one of the effects is a curve without a name.
 bool has_generic(const Model& model);
 
 /// The model less the effect at `index`.

@@ -15,6 +15,9 @@ struct SelectionPriors {
   /// Of what a curve without a name explains [nats]: so much a name of its channel and covariate is worth whose law jumps at a distance
   /// that it chooses. Less may be an edge of an unknown shape.
   double jump_beside_curve = 10.0;
+  /// Of what such a name is worth: by so much it is likelier than a smooth curve of its channel and covariate in its place. A law with two
+  /// free sizes on one side of a free distance comes near many shapes; a jump that is there leaves a smooth curve far behind.
+  double jump_over_curve = 0.075;
   /// Nats that a name beside other names is worth at least, and by which it is likelier than a curve
   /// of another place instead.
   double beside_names = 3.0, over_curve = 1.5;
@@ -23,7 +26,7 @@ struct SelectionPriors {
   double formula_leaves = 0.01;
   /// Of what a name is worth: by so much a curve of its channel and covariate may be likelier than its formula as it stands, the
   /// allowance for formulas that are off not counted. A tenth leaves a hundredth; beyond that the shape is another one.
-  double formula_misses = 0.04;
+  double formula_misses = 0.05;
   /// Probability that the formulas of names are not exact, and by how much of the change that an effect makes its shape is off
   /// then (RMS).
   double formula_is_off = 0.2, formula_error = 0.1;

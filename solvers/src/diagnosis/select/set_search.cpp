@@ -44,7 +44,8 @@ constexpr double fitted_window = 8.0;
 constexpr double fell_short = 2.0;
 /// Nats by which a fit may gain less than that of a subset before it is taken for a wrong optimum: the other members could be nothing.
 constexpr double stuck_below = 1.0;
-constexpr int most_fits = 3;  ///< of one set
+constexpr int most_fits = 3;   ///< of one set
+constexpr int most_freed = 5;  ///< the same where other sets say that it gains less than it should
 /// Nats that a member may be worth for the set without it to be fitted on the way: dropping it may pay.
 constexpr double most_lost = 60.0;
 /// Rounds in which the subsets of the likeliest set with one member less are fitted; one may become the likeliest.
@@ -155,7 +156,7 @@ class SetSearch {
       else if (!refine_likeliest() && !free_the_stuck())
         break;
     }
-    for (int again = 0; again < most_completions && complete_likeliest(); ++again) {
+    for (int again = 0; again < most_completions && (complete_likeliest() || free_the_stuck()); ++again) {
     }
     std::stable_sort(table_.begin(), table_.end(),
                      [](const auto& a, const auto& b) { return a->log_posterior > b->log_posterior; });
@@ -392,14 +393,35 @@ class SetSearch {
     return smaller;
   }
 
-  /// Fits what the likeliest set is without each of its members where that was not fitted, so that of each it is known what it
-  /// is worth. False if nothing was left to fit.
+  /// Fits what the likeliest set is without each of its members, and with a curve in place of each name, where that was not fitted, so
+  /// that of each it is known what it is worth. False if nothing was left to fit.
   bool complete_likeliest() {
     const Hypothesis& top = likeliest();
-    std::vector<Wanted> smaller = sets_without_one(top, 1, std::numeric_limits<double>::infinity());
-    if (smaller.empty()) return false;
-    fit_all(top, std::move(smaller));
+    std::vector<Wanted> wanted = sets_without_one(top, 1, std::numeric_limits<double>::infinity());
+    std::vector<Wanted> curves = curves_in_place_of_names(top);
+    wanted.insert(wanted.end(), curves.begin(), curves.end());
+    if (wanted.empty()) return false;
+    fit_all(top, std::move(wanted));
     return true;
+  }
+
+  /// The set with each smooth curve of its channel and covariate in place of a name: a formula may only come near an unknown shape. But
+  /// those that were fitted, and beside such a curve.
+  std::vector<Wanted> curves_in_place_of_names(const Hypothesis& here) const {
+    std::vector<Wanted> wanted;
+    for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
+      const EffectInfo& name = here.fit.model[i].effect->info();
+      const Model rest = without(here.fit.model, i);
+      const bool has_one = std::any_of(
+          rest.begin(), rest.end(), [&](const ActiveEffect& a) { return is_curve_along(*a.effect, name); });
+      for (const CurvePlace& place : places_) {
+        if (has_one || !place.effect->smooth || !is_curve_along(*place.effect, name)) continue;
+        Model model = rest;
+        model.push_back({place.effect.get(), Eigen::VectorXd::Zero(place.effect->directions().cols())});
+        if (!find(member_names(model, known_count()))) wanted.push_back({std::move(model)});
+      }
+    }
+    return wanted;
   }
 
   void fit_all(const Hypothesis& here, std::vector<Wanted> wanted) {
@@ -707,18 +729,54 @@ class SetSearch {
     keep_alive(within.curves, made);
   }
 
-  /// Fits sets anew that gain less than a set with some of their members, fitted since, and would come near the likeliest if they gained
-  /// as much. False if there are none.
-  bool free_the_stuck() {
-    const double top = likeliest().log_posterior;
-    std::vector<const Hypothesis*> stuck;
-    for (const auto& h : table_) {
-      const double lost = largest_within(names_of(*h)).gain - h->gain;
-      if (lost > stuck_below && h->fits < most_fits && h->log_posterior + lost > top - near_the_top)
-        stuck.push_back(h.get());
+  /// A set of one member less than `larger` gains less by so many nats than that one says it should.
+  struct Below {
+    const Hypothesis* larger = nullptr;
+    std::size_t member = 0;
+    double lost = 0.0;
+  };
+
+  /// Of the sets with one member more, the one that says so of this set by most: of the member, whose change is linear, it loses less by
+  /// its own fit. What that is off by, of much, is allowed for.
+  Below below_larger(const Hypothesis& h) const {
+    Below most;
+    const Names own = names_of(h);
+    for (const auto& larger : table_) {
+      const Model& model = larger->fit.model;
+      if (larger->gain < h.gain || model.size() != h.fit.model.size() + 1) continue;
+      for (std::size_t i = known_count(); i < model.size(); ++i) {
+        if (model[i].effect->info().kind != EffectKind::mean ||
+            member_names(without(model, i), known_count()) != own)
+          continue;
+        const double loss = loss_without(larger->fit, i);
+        const double lost = larger->gain - (1.0 + refining_share) * loss - h.gain;
+        if (loss > 0.0 && lost > most.lost) most = {larger.get(), i, lost};
+      }
     }
-    for (const Hypothesis* h : stuck) fit_all(*h, {{h->fit.model}});  // each holds its own curves
-    return !stuck.empty();
+    return most;
+  }
+
+  /// Fits a set anew that gains less than it should, and would come near the likeliest if it gained that: less than a set with some of its
+  /// members, or than a set with one member more says. False if there is no such thing.
+  bool free_if_stuck(const Hypothesis& h) {
+    if (h.fits >= most_freed || &h == table_.front().get()) return false;
+    const double within = largest_within(names_of(h)).gain - h.gain;
+    const Below below = below_larger(h);
+    const double lost = std::max(within, below.lost);
+    if (!(lost > stuck_below) || !(h.log_posterior + lost > likeliest().log_posterior - near_the_top))
+      return false;
+    if (within >= below.lost)
+      fit_all(h, {{h.fit.model}});  // each holds its own curves
+    else
+      fit_all(*below.larger, {{without(below.larger->fit.model, below.member)}});
+    return true;
+  }
+
+  /// False if there were none.
+  bool free_the_stuck() {
+    bool any = false;
+    for (std::size_t i = 0, count = table_.size(); i < count; ++i) any |= free_if_stuck(*table_[i]);
+    return any;
   }
 
   void refine(Fit& fit) const {

@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <map>
 #include <set>
+#include <string>
 
 #include "diagnosis/select/hypothesis.hpp"
 #include "solvers/diagnosis/select/made_worlds.hpp"
@@ -58,6 +60,34 @@ TEST(CurvePlaces, AlongTheDistanceOfEachLandmarkOneSaysNothingOfTheOthers) {
                   seed.rows.landmark[i] == landmark ? 1.0 : 0.0, 1e-12);
   }
   EXPECT_GE(bases, 1);
+}
+
+TEST(CurvePlaces, SmoothOnesAreGaussianProcessesLessWhatTheCalibrationAbsorbs) {
+  const testing::SeedFit seed(testing::recording_with({}, "CurvePlaces.Smooth"));
+  const WorkingProblem working = working_problem(seed.rows, {}, seed.fit.state);
+  const Projector projector(seed.rows, working, seed.fit.state);
+  std::map<std::string, int> of_member;
+  for (const CurvePlace& place : curve_places(seed.rows, projector, seed.fit.state.sigma_theta_rad)) {
+    const std::string& along = place.effect->info().covariate;
+    const CurveBasis& basis = place.effect->basis();
+    if (!place.effect->smooth || basis.groups || along == range_by_landmark) continue;
+    const double length = of_member[member_name(*place.effect)]++ == 0 ? 0.6 : 0.15;
+    const Eigen::MatrixXd& D = place.effect->directions();
+    Eigen::MatrixXd K(D.rows(), D.rows());
+    for (Eigen::Index i = 0; i < K.rows(); ++i)
+      for (Eigen::Index j = 0; j < K.rows(); ++j) {
+        const double r = std::sqrt(3.0) * std::abs(static_cast<double>(i - j)) /
+                         (length * static_cast<double>(K.rows() - 1));
+        K(i, j) = (1.0 + r) * std::exp(-r);
+      }
+    // What is left out is a part of the covariance, and not much of it.
+    const Eigen::VectorXd left_out =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(K - D * D.transpose()).eigenvalues();
+    EXPECT_GT(left_out[0], -1e-9) << along;
+    EXPECT_LT(left_out.sum(), 0.8 * K.trace()) << along;
+  }
+  EXPECT_GE(of_member.size(), 5u);
+  for (const auto& [member, count] : of_member) EXPECT_EQ(count, 2) << member;
 }
 
 TEST(CurvePlaces, ACurveLeavesNoReadingsWithoutASpread) {

@@ -65,10 +65,10 @@ class Decide : public ::testing::Test {
   }
 
   Hypotheses table_;
+  std::vector<std::shared_ptr<GenericEffect>> curves_;
 
  private:
   testing::SeedFit* readings_ = &clean();
-  std::vector<std::shared_ptr<GenericEffect>> curves_;
 };
 
 TEST_F(Decide, ANameOfHighProbabilityExplains) {
@@ -145,7 +145,7 @@ TEST_F(Decide, ANameThatACurveMayReplaceIsNotGiven) {
 }
 
 TEST_F(Decide, ANameWhoseShapeIsAnotherIsNotGiven) {
-  // Its formula as it stands is likelier than a curve of its own place by 5 nats less the allowance: below -4 of its 100 it is another.
+  // Its formula as it stands is likelier than a curve of its own place by 5 nats less the allowance: below -5 of its 100 it is another.
   for (const double allowance : {8.0, 12.0}) {
     add({name("bearing_drift")}, 100.0, allowance);
     add({curve(CurveChannel::bearing, "bearing", "time")}, 95.0);
@@ -190,27 +190,61 @@ TEST_F(Decide, ANameThatIsWorthNothingWithoutTheCurveBesideItIsNotGiven) {
   EXPECT_EQ(decided().verdict, Verdict::unexplained);
 }
 
-TEST_F(Decide, ANameThatJumpsIsWorthTenTimesACurveInItsPlace) {
-  static testing::SeedFit readings(testing::recording_with({{"near_regime", 0.03}}, "Decide.Jump"));
-  look_at(readings);
+/// A recording with a jump at a distance.
+class DecideOfJump : public Decide {
+ protected:
+  static testing::SeedFit& readings() {
+    static testing::SeedFit fit(testing::recording_with({{"near_regime", 0.03}}, "Decide.Jump"));
+    return fit;
+  }
+  DecideOfJump() { look_at(readings()); }
+
+  /// From the start of its grid that fits best.
+  static const ActiveEffect& jump() {
+    static const ActiveEffect best = [] {
+      const testing::SeedFit& seed = readings();
+      ActiveEffect at{find_effect("near_regime"), {}};
+      double least = seed.fit.nll - 10.0;
+      for (const Eigen::VectorXd& start : at.effect->start_grid(seed.rows.context))
+        if (const Fit fit = refit(seed.rows, {{at.effect, start}}, seed.fit.state, seed.options);
+            fit.nll < least)
+          least = fit.nll, at.parameters = start;
+      return at;
+    }();
+    return best;
+  }
+};
+
+TEST_F(DecideOfJump, ANameThatJumpsIsWorthTenTimesACurveBesideIt) {
   const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
-  ActiveEffect jump = name("near_regime");
-  double least = readings.fit.nll;
-  for (const Eigen::VectorXd& start : jump.effect->start_grid(readings.rows.context))
-    if (const Fit fit = refit(readings.rows, {{jump.effect, start}}, readings.fit.state, readings.options);
-        fit.nll < least)
-      least = fit.nll, jump.parameters = start;
-  ASSERT_LT(least, readings.fit.nll - 10.0);
+  ASSERT_GT(jump().parameters.size(), 0);
   for (const double worth : {40.0, 60.0}) {
-    add({jump, along_range}, 200.0);
+    add({jump(), along_range}, 200.0);
     add({along_range}, 200.0 - worth);
-    add({jump}, 195.0);  // the curve is worth 5 nats
+    add({jump()}, 195.0);  // the curve is worth 5 nats
     const SearchResult result = decided();
     if (worth < 50.0)
       EXPECT_EQ(result.verdict, Verdict::unexplained);
     else
       EXPECT_EQ(names_of(result), std::vector<std::string>{"near_regime"});
   }
+}
+
+TEST_F(DecideOfJump, ASmoothCurveInItsPlaceIsFarLessLikely) {
+  ASSERT_GT(jump().parameters.size(), 0);
+  for (const bool smooth : {true, false})
+    for (const double margin : {6.0, 9.0}) {
+      const ActiveEffect in_place = curve(CurveChannel::range, "range", "range");
+      curves_.back()->smooth = smooth;
+      add({jump()}, 100.0);
+      add({in_place}, 100.0 - margin);  // of the 100 that the jump is worth
+      add({}, 0.0);
+      const SearchResult result = decided();
+      if (smooth && margin < 7.5)
+        EXPECT_EQ(result.verdict, Verdict::unexplained);
+      else
+        EXPECT_EQ(names_of(result), std::vector<std::string>{"near_regime"});
+    }
 }
 
 TEST_F(Decide, ANameBesideAStrongOneIsWorthAHundredthOfItOrNotGiven) {
