@@ -513,6 +513,24 @@ class SetSearch {
     });
   }
 
+  /// Nats that a name more gains at least beside these members, to be given: the share of the strongest that its formula may leave
+  /// (decide.cpp).
+  double least_of_another_name(const Hypothesis& here) const {
+    double strongest = 0.0;
+    for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
+      const Effect& effect = *here.fit.model[i].effect;
+      if (effect.info().kind == EffectKind::mean && !is_generic(effect))
+        strongest = std::max(strongest, loss_without(here.fit, i));
+    }
+    return priors_.formula_leaves * strongest;
+  }
+
+  static double names_more_than_in(const Hypothesis& here, const Model& model) {
+    return static_cast<double>(std::count_if(model.begin(), model.end(), [&](const ActiveEffect& a) {
+      return !is_generic(*a.effect) && !contains(here.fit.model, a.effect);
+    }));
+  }
+
   std::vector<Wanted> sets_linearised_at(Hypothesis& here) {
     Dictionary dictionary(rows_, here.fit, places_);
     Model means, others;  // the others are part of every set
@@ -540,7 +558,7 @@ class SetSearch {
     };
     std::vector<Wanted> wanted;
     std::map<std::size_t, double> likeliest_of_size;
-    const double top = likeliest().log_posterior;
+    const double top = likeliest().log_posterior, least_of_one = least_of_another_name(here);
     for (const LinearSet& set : sets) {
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
@@ -561,13 +579,14 @@ class SetSearch {
       const bool larger = std::includes(names.begin(), names.end(), mine.begin(), mine.end());
       const double may_add =
           has_new_optima(model, here.fit.model) ? refining_adds + refining_share * more : 0.0;
-      const bool idle = larger && linear_posterior + may_add < own.log_posterior;
+      const bool idle = larger && (linear_posterior + may_add < own.log_posterior ||
+                                   rescaled + may_add < least_of_one * names_more_than_in(here, model));
       if (!likely) continue;
       here.proposals.push_back({names, gain, log_posterior, known != nullptr});
       if (idle && !again && tells_outcomes())
         tell_of_refused(
             names, mine,
-            fmt::format("not fitted: predicted log posterior {:.2f}, what it has more is not worth its prior",
+            fmt::format("not fitted: predicted log posterior {:.2f}, what it has more is worth too little",
                         log_posterior));
       if (!again && !idle) wanted.push_back({std::move(model), gain, log_posterior, true});
     }
@@ -627,13 +646,14 @@ class SetSearch {
     std::vector<Wanted> wanted;
     std::map<EffectKind, std::size_t> taken;
     const double price = log_prior_of_one_more_name(counts_, priors_), top = likeliest().log_posterior;
+    const double least = std::max(-price, least_of_another_name(here));
     for (Proposal& p : propose(rows_, battery, here.fit.model, Proposed::but_means)) {
       const EffectInfo& info = p.effect->info();
       if (channel_is_on_grid(known_, info.channel)) continue;  // it is judged by its means alone
       const bool exact_fit_may_gain_more =
           info.kind != EffectKind::noise;  // then it may gain more than its test says
       const double gain = exact_fit_may_gain_more ? credible_gain(p) : p.predicted_gain;
-      if (gain < -price || !may_reach(top, here.log_posterior + gain, gain)) continue;
+      if (gain < least || !may_reach(top, here.log_posterior + gain, gain)) continue;
       if (taken[info.kind]++ >= most_of_a_kind) continue;
       Model larger = here.fit.model;
       larger.push_back({p.effect, p.start});
