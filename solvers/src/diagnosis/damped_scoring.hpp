@@ -29,6 +29,8 @@ struct ScoringSlopes {
 class LackOfInformation {
  public:
   explicit LackOfInformation(Eigen::Index n) : lack_(Eigen::MatrixXd::Zero(n, n)) {}
+  /// What was learned on the way to a fit close by.
+  explicit LackOfInformation(Eigen::MatrixXd known) : lack_(std::move(known)) {}
 
   const Eigen::MatrixXd& matrix() const { return lack_; }
 
@@ -109,6 +111,8 @@ inline std::optional<ScoringStep> damped_step(const ScoringSlopes& at, const Eig
   return out;
 }
 
+inline constexpr int many_steps = 40;
+
 /// Steps from `here` to where the likelihood is highest, until the predicted gain of a step is negligible:
 ///
 ///   step = (H + lambda diag H)^-1 score,   H = I + C
@@ -118,9 +122,11 @@ inline std::optional<ScoringStep> damped_step(const ScoringSlopes& at, const Eig
 /// slopes(point) gives ScoringSlopes, within(point, step) the part of a step that bounds leave, moved(point, step) the point such a
 /// step away. A parameter that has no way to go is held, and the step of the others solved for without it. `name` is that of the
 /// solver in the log.
+/// `lack`: C to begin with, and as it was learned.
 template <typename Point, typename SlopesAt, typename Within, typename Moved>
-Point scored(const char* name, Point here, const SlopesAt& slopes, const Within& within, const Moved& moved) {
-  constexpr int most_steps = 40, most_failures = 6, most_dampings = 12;
+Point scored(const char* name, Point here, const SlopesAt& slopes, const Within& within, const Moved& moved,
+             LackOfInformation& lack, int most_steps = many_steps) {
+  constexpr int most_failures = 6, most_dampings = 12;
   constexpr double settled = 2e-3;                                           // nats
   constexpr double first_damping = 1e-2, more = 10.0, least_damping = 1e-3;  // lambda
   constexpr double as_predicted = 0.75, far_from_predicted = 0.25;           // gain / predicted gain
@@ -132,7 +138,7 @@ Point scored(const char* name, Point here, const SlopesAt& slopes, const Within&
   };
   const auto damp_more = [&] { damping = std::max(first_damping, more * damping); };
   ScoringSlopes at = slopes(here);
-  LackOfInformation lack(at.score.size());
+  lack.stay_positive(at.information);
   for (int iteration = 0; iteration < most_steps; ++iteration) {
     Eigen::MatrixXd hessian = at.information + lack.matrix();
     std::vector<bool> held(static_cast<std::size_t>(at.score.size()), false);
@@ -180,6 +186,14 @@ Point scored(const char* name, Point here, const SlopesAt& slopes, const Within&
     at = std::move(next);
   }
   return ended(most_steps, "no iterations are left");
+}
+
+/// The same where nothing is known of C.
+template <typename Point, typename SlopesAt, typename Within, typename Moved>
+Point scored(const char* name, Point here, const SlopesAt& slopes, const Within& within, const Moved& moved,
+             Eigen::Index parameters) {
+  LackOfInformation lack(parameters);
+  return scored(name, std::move(here), slopes, within, moved, lack);
 }
 
 }  // namespace rangecal::diagnosis

@@ -49,6 +49,9 @@ class Scoring {
   ScoringSlopes at(const Point& point) const;
   /// Their sum, and the outer product of the rows' slopes.
   ScoringSlopes slopes_of(const Point& point, const Columns& each) const;
+  LearnedCurvature learned(const Model& model, const LackOfInformation& lack) const;
+  /// What a fit of the same parameters learned; nothing of others.
+  LackOfInformation known(const Model& model, const LearnedCurvature* other) const;
   /// The part of a step that stays within the bounds of every parameter, and moves none by too much at a time.
   Eigen::VectorXd within(const Point& from, Eigen::VectorXd step) const;
   Point moved(const Point& from, const Eigen::VectorXd& step) const;
@@ -68,9 +71,27 @@ class Scoring {
   const Rows& rows_;
   const RefitOptions& options_;
   Eigen::Index alphas_;
+  std::vector<std::pair<const Effect*, int>> parameters_of(const Model& model) const;
+
   std::vector<FreeParameter> own_;
   bool tails_;
 };
+
+std::vector<std::pair<const Effect*, int>> Scoring::parameters_of(const Model& model) const {
+  std::vector<std::pair<const Effect*, int>> parameters;
+  for (const FreeParameter& p : own_)
+    parameters.emplace_back(model[static_cast<std::size_t>(p.effect)].effect, p.index);
+  return parameters;
+}
+
+LearnedCurvature Scoring::learned(const Model& model, const LackOfInformation& lack) const {
+  return {alphas_, parameters_of(model), lack.matrix()};
+}
+
+LackOfInformation Scoring::known(const Model& model, const LearnedCurvature* other) const {
+  const bool same = other && other->alphas == alphas_ && other->parameters == parameters_of(model);
+  return same ? LackOfInformation(other->lack) : LackOfInformation(count());
+}
 
 void Scoring::add_slopes_of_effects(const Point& point, const CellGeometry& geometry, Columns& means,
                                     Columns& spreads) const {
@@ -302,10 +323,15 @@ bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, Marg
     Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
     if (next.nll < here.nll) here = std::move(next);
   }
+  constexpr int steps_of_iteration =
+      4;  // which costs one pass over the readings, not a calibration for each length tried
+  LackOfInformation lack = scoring.known(here.model, options.learned.get());
   here = scored(
       "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },
       [&](const Point& point, const Eigen::VectorXd& step) { return scoring.within(point, step); },
-      [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
+      [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); }, lack,
+      std::min(many_steps, steps_of_iteration * options.max_iterations));
+  fit.learned = std::make_shared<LearnedCurvature>(scoring.learned(here.model, lack));
   const double value = calibrate_under(rows, here.model, here.state, staying, &detail);
   if (!std::isfinite(value)) return false;
   fit.nll = value;

@@ -265,6 +265,7 @@ Fit fit_beside(const Rows& rows, const Model& start_model, const JointState& sta
 
 RefitOptions as_they_are(const Fit& fit, RefitOptions options) {
   options.settled = static_cast<int>(fit.model.size());
+  options.learned = fit.learned;
   return options;
 }
 

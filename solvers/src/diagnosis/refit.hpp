@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "diagnosis/working.hpp"
@@ -22,6 +24,14 @@ struct Limits {
   bool one_sided = false;  ///< the estimate is at its lower bound, `low`
 };
 
+/// What the information of the readings was found to lack of the Hessian where all parameters were scored together (damped_scoring.hpp): of
+/// alpha, ln sigma, and these parameters of effects.
+struct LearnedCurvature {
+  Eigen::Index alphas = 0;
+  std::vector<std::pair<const Effect*, int>> parameters;
+  Eigen::MatrixXd lack;
+};
+
 /// A model fitted by marginal ML with all nuisances free.
 struct Fit {
   Model model;
@@ -39,6 +49,7 @@ struct Fit {
   /// Of the landmarks' x, y in order, given the effects' parameters; empty where there is none, and for pairs.
   Eigen::MatrixXd landmark_covariance;
   double sigma_theta_std = 0.0, noise_std = 0.0;
+  std::shared_ptr<const LearnedCurvature> learned;  ///< null where nothing was scored
 };
 
 /// Newton's decrement at which a calibration beside effects counts as solved, in standard deviations: within 5e-5 nats.
@@ -55,6 +66,8 @@ struct RefitOptions {
   bool places_stay = false;
   /// Of the calibration's solves: Newton's decrement, in standard deviations; half its square is what is left to gain [nats].
   double gradient_tolerance = 1e-4;
+  std::shared_ptr<const LearnedCurvature>
+      learned;  ///< of a fit of the same parameters close by; null: of none
 };
 
 /// For what is tried around a fit: its dependence, tails and errors of stops stay as they are.

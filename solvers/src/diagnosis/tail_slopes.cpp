@@ -219,7 +219,8 @@ Model likeliest_tails(const Rows& rows, const Fit& fit, const std::vector<FreePa
   return scored(
              "tails", at.point_at(fit.model, 0.0), [&](const TailPoint& point) { return at.slopes(point); },
              [&](const TailPoint& point, const Eigen::VectorXd& step) { return at.within(point, step); },
-             [&](const TailPoint& point, const Eigen::VectorXd& step) { return at.moved(point, step); })
+             [&](const TailPoint& point, const Eigen::VectorXd& step) { return at.moved(point, step); },
+             1 + static_cast<Eigen::Index>(tails.size()))
       .model;
 }
 

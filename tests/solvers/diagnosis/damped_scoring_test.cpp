@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace rangecal::diagnosis {
 namespace {
@@ -30,8 +31,8 @@ struct Quadratic {
 
   Point at(const Eigen::VectorXd& x) const { return {x, 0.5 * x.dot(A * x) - b.dot(x)}; }
 
-  /// Least of it from 0, with `information` as the matrix that is known.
-  Point least(const Eigen::MatrixXd& information) {
+  /// Least of it from 0, with `information` as the matrix that is known, in so many steps.
+  Point least(const Eigen::MatrixXd& information, LackOfInformation& lack, int most_steps = many_steps) {
     return scored(
         "quadratic", at(Eigen::VectorXd::Zero(b.size())),
         [&](const Point& p) {
@@ -41,9 +42,32 @@ struct Quadratic {
         [&](const Point& p, const Eigen::VectorXd& step) {
           return Eigen::VectorXd((p.x + step).cwiseMin(most) - p.x);
         },
-        [&](const Point& p, const Eigen::VectorXd& step) { return at(p.x + step); });
+        [&](const Point& p, const Eigen::VectorXd& step) { return at(p.x + step); }, lack, most_steps);
+  }
+  Point least(const Eigen::MatrixXd& information) {
+    LackOfInformation lack(b.size());
+    return least(information, lack);
   }
 };
+
+TEST(DampedScoring, GoesOnWithWhatWasLearnedOnTheWayToAFitCloseBy) {
+  Quadratic of(4);
+  const Eigen::MatrixXd information = of.A.diagonal().asDiagonal();
+  LackOfInformation lack(4);
+  of.least(information, lack);
+  const int at_first = std::exchange(of.gradients, 0);
+  of.b += Eigen::VectorXd::Constant(4, 0.05);  // another optimum of the same curvature
+  const double expected = of.at(of.A.ldlt().solve(of.b)).nll;
+  EXPECT_LT(of.least(information, lack).nll - expected, 0.01);
+  EXPECT_LT(of.gradients, at_first / 2);
+}
+
+TEST(DampedScoring, EndsAfterTheStepsThatItMayTake) {
+  Quadratic of(4);
+  LackOfInformation lack(4);
+  of.least(20.0 * of.A, lack, 3);
+  EXPECT_EQ(of.gradients, 1 + 3);
+}
 
 TEST(DampedScoring, TakesOneStepWhereTheInformationIsTheHessian) {
   Quadratic of(4);
