@@ -514,7 +514,8 @@ class SetSearch {
   }
 
   /// Nats that a name more gains at least beside these members, to be given: the share of the strongest that its formula may leave
-  /// (decide.cpp).
+  /// (decide.cpp). None is worth more than all together, whatever the squares say that it moves the readings by: under tails they do not
+  /// add up.
   double least_of_another_name(const Hypothesis& here) const {
     double strongest = 0.0;
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
@@ -522,7 +523,7 @@ class SetSearch {
       if (effect.info().kind == EffectKind::mean && !is_generic(effect))
         strongest = std::max(strongest, loss_without(here.fit, i));
     }
-    return priors_.formula_leaves * strongest;
+    return priors_.formula_leaves * std::min(strongest, here.gain);
   }
 
   static double names_more_than_in(const Hypothesis& here, const Model& model) {
@@ -645,8 +646,8 @@ class SetSearch {
             : asked.emplace(Battery::of_shapes(rows_, here.fit.model, here.fit.state, rates_));
     std::vector<Wanted> wanted;
     std::map<EffectKind, std::size_t> taken;
-    const double price = log_prior_of_one_more_name(counts_, priors_), top = likeliest().log_posterior;
-    const double least = std::max(-price, least_of_another_name(here));
+    const double top = likeliest().log_posterior,
+                 least = std::max(-log_prior_of_one_more_name(counts_, priors_), least_of_another_name(here));
     for (Proposal& p : propose(rows_, battery, here.fit.model, Proposed::but_means)) {
       const EffectInfo& info = p.effect->info();
       if (channel_is_on_grid(known_, info.channel)) continue;  // it is judged by its means alone
