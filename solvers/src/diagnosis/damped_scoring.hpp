@@ -111,6 +111,7 @@ inline std::optional<ScoringStep> damped_step(const ScoringSlopes& at, const Eig
   return out;
 }
 
+/// Steps of a fit to the end, at most.
 inline constexpr int many_steps = 40;
 
 /// Steps from `here` to where the likelihood is highest, until the predicted gain of a step is negligible:
@@ -120,9 +121,8 @@ inline constexpr int many_steps = 40;
 /// I is the information, C what it lacks of the Hessian, lambda Levenberg's damping, 0 as long as steps gain what is predicted.
 /// A step is accepted if it lowers the NLL; over one that does not H learns its curvature. A Point has an `nll` [nats];
 /// slopes(point) gives ScoringSlopes, within(point, step) the part of a step that bounds leave, moved(point, step) the point such a
-/// step away. A parameter that has no way to go is held, and the step of the others solved for without it. `name` is that of the
-/// solver in the log.
-/// `lack`: C to begin with, and as it was learned.
+/// step away. A parameter that has no way to go is held, and the step of the others solved for without it. `lack` is C to begin with, and
+/// then as it was learned. `name` is that of the solver in the log.
 template <typename Point, typename SlopesAt, typename Within, typename Moved>
 Point scored(const char* name, Point here, const SlopesAt& slopes, const Within& within, const Moved& moved,
              LackOfInformation& lack, int most_steps = many_steps) {

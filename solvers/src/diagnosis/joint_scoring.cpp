@@ -49,6 +49,7 @@ class Scoring {
   ScoringSlopes at(const Point& point) const;
   /// Their sum, and the outer product of the rows' slopes.
   ScoringSlopes slopes_of(const Point& point, const Columns& each) const;
+  /// What was learned, for fits close by.
   LearnedCurvature learned(const Model& model, const LackOfInformation& lack) const;
   /// What a fit of the same parameters learned; nothing of others.
   LackOfInformation known(const Model& model, const LearnedCurvature* other) const;
@@ -68,11 +69,12 @@ class Scoring {
   /// What does not move: what is held, and what its slope leads beyond a bound.
   std::vector<Eigen::Index> held(const Point& point, const Eigen::VectorXd& score) const;
 
+  /// Those of effects.
+  std::vector<std::pair<const Effect*, int>> parameters_of(const Model& model) const;
+
   const Rows& rows_;
   const RefitOptions& options_;
   Eigen::Index alphas_;
-  std::vector<std::pair<const Effect*, int>> parameters_of(const Model& model) const;
-
   std::vector<FreeParameter> own_;
   bool tails_;
 };
@@ -323,8 +325,8 @@ bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, Marg
     Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
     if (next.nll < here.nll) here = std::move(next);
   }
-  constexpr int steps_of_iteration =
-      4;  // which costs one pass over the readings, not a calibration for each length tried
+  // A step costs one pass over the readings, an iteration of Gauss-Newton a calibration for each length that it tries.
+  constexpr int steps_of_iteration = 4;
   LackOfInformation lack = scoring.known(here.model, options.learned.get());
   here = scored(
       "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },

@@ -15,6 +15,7 @@
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/random.hpp"
 #include "solvers/diagnosis/expect_optimum.hpp"
+#include "solvers/diagnosis/made_recordings.hpp"
 #include "solvers/diagnosis/state_of_pairs.hpp"
 
 namespace rangecal::diagnosis {
@@ -82,28 +83,7 @@ TEST(JointScoring, EndsWhereTheScoreIsZero) {
                           0.1);
 }
 
-/// 400 readings a second apart, all at distances of their own: f = 0.05 + 0.95 d + 0.02 d^2, s = 0.02 f; the share 0.6 of the variance
-/// is an error that wanders with correlation 0.8 a second.
-Recording wandering(const std::string& name) {
-  constexpr double wanders = 0.6, rho = 0.8;
-  Random random(seed_from(name));
-  Recording recording;
-  recording.kind = RecordingKind::pairs;
-  recording.path = "made";
-  double slow = random.normal();
-  for (int i = 0; i < 400; ++i) {
-    const double d = 1.0 + 0.005 * ((i * 37) % 400), f = 0.05 + d * (0.95 + 0.02 * d);
-    slow = rho * slow + std::sqrt(1.0 - rho * rho) * random.normal();
-    const double error = std::sqrt(wanders) * slow + std::sqrt(1.0 - wanders) * random.normal();
-    recording.pairs.true_m.push_back(d);
-    recording.pairs.time_s.push_back(i);
-    recording.pairs.reading_m.push_back(f + 0.02 * f * error);
-    recording.pairs.row.push_back(i + 2);
-  }
-  return recording;
-}
-
-/// NLL of `wandering` [nats], the rows in their order in time: x = alpha_0 .. alpha_2, rho, q, ln sigma. With V_ij = q rho^|i-j| off its
+/// NLL of errors that wander [nats], the rows in their order in time: x = alpha_0 .. alpha_2, rho, q, ln sigma. With V_ij = q rho^|i-j| off its
 /// diagonal of ones and z = e / s: sum ln s_i + (z^T V^-1 z + ln det V + n ln 2 pi) / 2.
 double nll_of_wandering(const Recording& recording, const std::array<double, 6>& x) {
   const auto n = static_cast<Eigen::Index>(recording.pairs.size());
@@ -125,7 +105,8 @@ double nll_of_wandering(const Recording& recording, const std::array<double, 6>&
 }
 
 TEST(JointScoring, FindsWhatWandersTogetherWithTheCurve) {
-  const Recording recording = wandering("JointScoring.Wandering");
+  const Recording recording = testing::wandering_pairs(
+      {.readings = 400, .sigma = 0.02, .wanders = 0.6, .rho = 0.8}, "JointScoring.Wandering");
   const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
   ASSERT_FALSE(rows.sequence.empty());
   const Model start{{find_effect("autocorrelated_noise"), Eigen::Vector3d(0.3, 0.0, 0.3)}};

@@ -77,6 +77,36 @@ inline Recording depth_camera(int readings, double bump_m, double wild, const st
   return recording;
 }
 
+/// Known distances, one reading each, a second apart.
+struct WanderingErrors {
+  int readings = 0;
+  double sigma = 0.0;    ///< s = sigma f
+  double wanders = 0.0;  ///< share of the variance that wanders
+  double rho = 0.0;      ///< its correlation over a second
+  double late = 0.0;     ///< share of readings that are further by an exponential of mean 0.2 m
+};
+
+/// f = 0.05 + 0.95 d + 0.02 d^2, d from 1 to 3 m.
+inline Recording wandering_pairs(const WanderingErrors& of, const std::string& name,
+                                 std::uint64_t number = 0) {
+  Random random(seed_from(name, {number}));
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.path = "made";
+  double slow = random.normal();
+  for (int i = 0; i < of.readings; ++i) {
+    const double d = 1.0 + 2.0 / of.readings * ((i * 37) % of.readings), f = 0.05 + d * (0.95 + 0.02 * d);
+    slow = of.rho * slow + std::sqrt(1.0 - of.rho * of.rho) * random.normal();
+    const double error = std::sqrt(of.wanders) * slow + std::sqrt(1.0 - of.wanders) * random.normal();
+    const double echo = random.uniform() < of.late ? -0.2 * std::log(random.uniform()) : 0.0;
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.time_s.push_back(i);
+    recording.pairs.reading_m.push_back(f + of.sigma * f * error + echo);
+    recording.pairs.row.push_back(i + 2);
+  }
+  return recording;
+}
+
 inline Diagnosis verdict_of(const Recording& recording) {
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;

@@ -16,6 +16,7 @@
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/random.hpp"
 #include "solvers/diagnosis/expect_optimum.hpp"
+#include "solvers/diagnosis/made_recordings.hpp"
 #include "solvers/diagnosis/state_of_pairs.hpp"
 
 namespace rangecal::diagnosis {
@@ -55,27 +56,11 @@ TEST(WanderingPart, DensityAndMomentsBehindAReadingAreThoseOfTheIntegral) {
   }
 }
 
-/// 500 readings a second apart at distances of their own: f = 0.05 + 0.95 d + 0.02 d^2, s = 0.01 f; the share `wanders` of the variance
-/// wanders with correlation 0.9 a second, and `late` of the readings are further by an exponential of mean 0.2 m.
+/// 500 readings of s = 0.01 f, of whose variance a share wanders with correlation 0.9 a second, and of which a share is late.
 Recording late_and_wandering(double late, const std::string& name, std::uint64_t number = 0,
                              double wanders = 0.7) {
-  constexpr double rho = 0.9;
-  Random random(seed_from(name, {number}));
-  Recording recording;
-  recording.kind = RecordingKind::pairs;
-  recording.path = "made";
-  double slow = random.normal();
-  for (int i = 0; i < 500; ++i) {
-    const double d = 1.0 + 0.004 * ((i * 37) % 500), f = 0.05 + d * (0.95 + 0.02 * d);
-    slow = rho * slow + std::sqrt(1.0 - rho * rho) * random.normal();
-    const double error = std::sqrt(wanders) * slow + std::sqrt(1.0 - wanders) * random.normal();
-    const double echo = random.uniform() < late ? -0.2 * std::log(random.uniform()) : 0.0;
-    recording.pairs.true_m.push_back(d);
-    recording.pairs.time_s.push_back(i);
-    recording.pairs.reading_m.push_back(f + 0.01 * f * error + echo);
-    recording.pairs.row.push_back(i + 2);
-  }
-  return recording;
+  return testing::wandering_pairs(
+      {.readings = 500, .sigma = 0.01, .wanders = wanders, .rho = 0.9, .late = late}, name, number);
 }
 
 Model late_and_wandering_model(double share, double size, double rho, double q) {

@@ -120,9 +120,10 @@ double margin_as_it_stands(const ActiveEffect& name, const Hypotheses& table, st
   return margin;
 }
 
-/// What that margin is at least, of what the name is worth.
-double least_margin_as_it_stands(const ActiveEffect& name, const SelectionPriors& priors) {
-  return Sides::matter({name}) ? priors.jump_over_curve : -priors.formula_misses;
+/// What that margin is at least of a name that is worth so many nats; of one without which nothing fits, anything.
+double least_margin_as_it_stands(const ActiveEffect& name, double worth, const SelectionPriors& priors) {
+  if (!std::isfinite(worth)) return -std::numeric_limits<double>::infinity();
+  return worth * (Sides::matter({name}) ? priors.jump_over_curve : -priors.formula_misses);
 }
 
 /// Probability of sets that the linearised problem makes likely and that were not fitted, over these and those that were.
@@ -257,7 +258,7 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
         probability < 0.5 ? "refused, another name is as probable"
         : margin_over_curve(member, table, known) < priors.over_curve
             ? "refused, a curve without a name is hardly less likely in its place"
-        : margin_as_it_stands(member, table, known) < least_margin_as_it_stands(member, priors) * worth
+        : margin_as_it_stands(member, table, known) < least_margin_as_it_stands(member, worth, priors)
             ? "refused, a curve of its own covariate does as well as its formula as it stands"
         : worth < least ? "refused, worth too little beside the others"
         : may_be_an_edge(member, worth, table, known, priors)

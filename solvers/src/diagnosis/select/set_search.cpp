@@ -412,10 +412,11 @@ class SetSearch {
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
       const EffectInfo& name = here.fit.model[i].effect->info();
       const Model rest = without(here.fit.model, i);
-      const bool has_one = std::any_of(
-          rest.begin(), rest.end(), [&](const ActiveEffect& a) { return is_curve_along(*a.effect, name); });
+      if (std::any_of(rest.begin(), rest.end(),
+                      [&](const ActiveEffect& a) { return is_curve_along(*a.effect, name); }))
+        continue;
       for (const CurvePlace& place : places_) {
-        if (has_one || !place.effect->smooth || !is_curve_along(*place.effect, name)) continue;
+        if (!place.effect->smooth || !is_curve_along(*place.effect, name)) continue;
         Model model = rest;
         model.push_back({place.effect.get(), Eigen::VectorXd::Zero(place.effect->directions().cols())});
         if (!find(member_names(model, known_count()))) wanted.push_back({std::move(model)});
@@ -526,6 +527,7 @@ class SetSearch {
     return priors_.formula_leaves * std::min(strongest, here.gain);
   }
 
+  /// How many names a model has beside the members of a set.
   static double names_more_than_in(const Hypothesis& here, const Model& model) {
     return static_cast<double>(std::count_if(model.begin(), model.end(), [&](const ActiveEffect& a) {
       return !is_generic(*a.effect) && !contains(here.fit.model, a.effect);
@@ -765,14 +767,14 @@ class SetSearch {
     for (const auto& larger : table_) {
       const Model& model = larger->fit.model;
       if (larger->gain < h.gain || model.size() != h.fit.model.size() + 1) continue;
-      for (std::size_t i = known_count(); i < model.size(); ++i) {
-        if (model[i].effect->info().kind != EffectKind::mean ||
-            member_names(without(model, i), known_count()) != own)
-          continue;
-        const double loss = loss_without(larger->fit, i);
-        const double lost = larger->gain - (1.0 + refining_share) * loss - h.gain;
-        if (loss > 0.0 && lost > most.lost) most = {larger.get(), i, lost};
-      }
+      const Names names = names_of(*larger);
+      if (!std::includes(names.begin(), names.end(), own.begin(), own.end())) continue;
+      std::size_t more = known_count();
+      while (std::binary_search(own.begin(), own.end(), member_name(*model[more].effect))) ++more;
+      if (model[more].effect->info().kind != EffectKind::mean) continue;
+      const double loss = loss_without(larger->fit, more);
+      const double lost = larger->gain - (1.0 + refining_share) * loss - h.gain;
+      if (loss > 0.0 && lost > most.lost) most = {larger.get(), more, lost};
     }
     return most;
   }
@@ -793,7 +795,7 @@ class SetSearch {
     return true;
   }
 
-  /// False if there were none.
+  /// Frees all sets that are stuck. False if there are none.
   bool free_the_stuck() {
     bool any = false;
     for (std::size_t i = 0, count = table_.size(); i < count; ++i) any |= free_if_stuck(*table_[i]);

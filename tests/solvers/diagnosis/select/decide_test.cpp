@@ -247,6 +247,13 @@ TEST_F(DecideOfJump, ASmoothCurveInItsPlaceIsFarLessLikely) {
     }
 }
 
+TEST_F(DecideOfJump, WithoutWhichNothingFitsIsNamedWhateverACurveDoes) {
+  ASSERT_GT(jump().parameters.size(), 0);
+  add({jump()}, 100.0);
+  add({curve(CurveChannel::range, "range", "range")}, 94.0);
+  EXPECT_EQ(names_of(decided()), std::vector<std::string>{"near_regime"});
+}
+
 TEST_F(Decide, ANameBesideAStrongOneIsWorthAHundredthOfItOrNotGiven) {
   look_at(with_causes());
   for (const double worth : {4.0, 12.0}) {
