@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "plant_entry.hpp"
+#include "rangecal/problems/world/physical/optical_sensor.hpp"
 
 namespace rangecal::world {
 namespace {
@@ -34,9 +35,10 @@ void target_reflectance(World& world, double size, Random& random) {
   const bool penetrates = random.uniform() < 0.5;
   if (penetrates) {
     world.landmarks[l].penetration_m += size;
-  } else {  // a skewed spot: dr = -(d^2 / fs) dx, `size` at 1.5 m
+  } else {  // a skewed spot moves the reading r = fs / x by -(r^2 / fs) dx, `size` at 1.5 m
+    const double x_mm = centroid_mm(world.sensor, {}, {}, 1.5, 0.0, 0.0);
     world.landmarks[l].spot_skew_px -=
-        1e-3 * size / (1.5 * 1.5) * world.sensor.nominal_fs_mm_sq() / world.sensor.pitch_mm;
+        1e3 * size * x_mm * x_mm / world.sensor.nominal_fs_mm_sq() / world.sensor.pitch_mm;
   }
   world.truth["target_reflectance.landmark"] = static_cast<double>(l);
   world.truth["target_reflectance.power"] = penetrates ? 0.0 : 2.0;
