@@ -228,8 +228,8 @@ void add_diagnose(CLI::App& app, Action& chosen) {
   command
       ->add_option(
           "--curve", state->curve,
-          "what the seed model's curve is a polynomial in, of pairs: the distance d (polynomial), 1 / (d + c) "
-          "(reciprocal), or auto (d, but where readings fall with distance the better of both by AIC)")
+          "the seed model's curve, of pairs: polynomial in the distance d, polynomial in 1 / (d + c) (reciprocal), "
+          "spline, or auto (the first, but where readings fall with distance the better of the first two by AIC)")
       ->capture_default_str();
   command
       ->add_option("--force", state->force,

@@ -53,9 +53,10 @@ void JobOptions::add_to(CLI::App& command) {
   command
       .add_option(
           "--curve", curve,
-          "what f is a polynomial in: the distance d (polynomial), 1 / (d + c) with an unknown c (reciprocal: a "
-          "sensor that gives a voltage or a disparity; kind pairs), or auto (d, but where readings fall with "
-          "distance the better of both by AIC)")
+          "of pairs: polynomial in the distance d; polynomial in 1 / (d + c) with an unknown c (reciprocal: a sensor "
+          "that gives a voltage or a disparity); spline (smooth, rising or falling everywhere); or auto: the "
+          "first, but where readings fall with distance the better of the first two by AIC, and a spline where low "
+          "orders do not suffice. Landmarks: polynomial")
       ->capture_default_str();
   command
       .add_option("--noise", noise,

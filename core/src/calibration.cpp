@@ -38,10 +38,17 @@ const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration& calibr
                                             : calibration.alpha_covariance;
 }
 
+double shape_variance(const Calibration& calibration, double distance_m) {
+  if (!calibration.scale.spline) return 0.0;
+  const double by_u = evaluate_derivative(calibration.alpha, calibration.scale.of(distance_m));
+  return by_u * by_u * calibration.scale.spline->variance(distance_m);
+}
+
 std::optional<double> curve_variance(const Calibration& calibration, double distance_m) {
   const std::optional<Eigen::MatrixXd>& covariance = curve_covariance(calibration);
   if (!covariance) return std::nullopt;
-  return evaluate_form(*covariance, calibration.scale.of(distance_m));
+  return evaluate_form(*covariance, calibration.scale.of(distance_m)) +
+         shape_variance(calibration, distance_m);
 }
 
 double Calibration::f(double d) const { return evaluate_polynomial(alpha, scale.of(d)); }

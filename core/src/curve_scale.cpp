@@ -6,8 +6,9 @@
 namespace rangecal {
 namespace {
 
-constexpr auto family_names = names_of<CurveFamily>(
-    "curve", {{CurveFamily::polynomial, "polynomial"}, {CurveFamily::reciprocal, "reciprocal"}});
+constexpr auto family_names = names_of<CurveFamily>("curve", {{CurveFamily::polynomial, "polynomial"},
+                                                              {CurveFamily::reciprocal, "reciprocal"},
+                                                              {CurveFamily::spline, "spline"}});
 
 }  // namespace
 

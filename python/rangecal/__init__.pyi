@@ -101,7 +101,7 @@ class Calibration:
     usable: bool
     reason: str
     order: int
-    curve: dict[str, Any]  # family, and of a reciprocal offset_m and offset_std_m
+    curve: dict[str, Any]  # family; of a reciprocal offset_m, offset_std_m; of a spline knots_m, values_m, covariance, degrees
     alpha: Floats  # (order + 1,), alpha_i in m^(1-i)
     covariance: Optional[Floats]  # (order + 1, order + 1)
     covariance_with_choice: Optional[Floats]  # (n, n), n - 1 the highest order that may hold
@@ -396,11 +396,11 @@ Recordings = Union[Recording, Path, Sequence[Union[Recording, Path]]]
 
 def load(path: Path, *, group_by: Union[str, Sequence[str]] = (), **options: Any) -> Union[Recording, Calibration]: ...
 def calibrate(recordings: Recordings, method: Method = "marginal", *, order: Union[int, Literal["auto"]] = "auto",
-              curve: Literal["auto", "polynomial", "reciprocal"] = "auto", noise: str = "auto", noise_shape: str = "auto", solver: Literal["block", "ceres"] = "block",
+              curve: Literal["auto", "polynomial", "reciprocal", "spline"] = "auto", noise: str = "auto", noise_shape: str = "auto", solver: Literal["block", "ceres"] = "block",
               weights: str = "consistent", check: bool = False, start: Optional[Union[Calibration, Path]] = None,
               progress: Optional[Progress] = None) -> Calibration: ...
 def compare(recordings: Recordings, *, methods: Union[Method, Sequence[Method]] = ...,
-            order: Union[int, Literal["auto"]] = "auto", curve: Literal["auto", "polynomial", "reciprocal"] = "auto",
+            order: Union[int, Literal["auto"]] = "auto", curve: Literal["auto", "polynomial", "reciprocal", "spline"] = "auto",
             noise: str = "auto", noise_shape: str = "auto", solver: Literal["block", "ceres"] = "block",
             weights: str = "consistent", check: bool = False,
             progress: Optional[Progress] = None) -> Comparison: ...
@@ -412,7 +412,7 @@ def simulate(scene: Union[Path, Mapping[str, Any], Diagnosis, Recording, Sequenc
              effects: Optional[Effects] = None) -> Union[Recording, list[Recording]]: ...
 def diagnose(recordings: Recordings,
              simulation: Optional[Union[Calibration, Recording, Path, Sequence[Recording]]] = None, *,
-             curve: Literal["auto", "polynomial", "reciprocal"] = "auto", alarm_rate: float = 0.02, force: Optional[Union[str, Sequence[str]]] = None,
+             curve: Literal["auto", "polynomial", "reciprocal", "spline"] = "auto", alarm_rate: float = 0.02, force: Optional[Union[str, Sequence[str]]] = None,
              without: Union[str, Sequence[str]] = (), held_out: bool = True, unseen: bool = True, next_experiments: bool = True, laws: bool = False,
              progress: Optional[Progress] = None) -> Diagnosis: ...
 def residuals(recordings: Recordings, calibration: Union[Calibration, Path],

@@ -78,10 +78,10 @@ def calibrate(recordings, method="marginal", *, order="auto", curve="auto", nois
         ``"marginal"`` integrates the uncertain stops out and is recommended.
     order : int or "auto"
         Order of f; ``"auto"`` tries 1 to 4 and keeps the lowest AIC.
-    curve : {"auto", "polynomial", "reciprocal"}
-        What f is a polynomial in, of known distances (pairs): the distance d, or 1 / (d + c) with an unknown c, as a sensor
-        reads that gives a voltage or a disparity. ``"auto"``: d, but where readings fall with distance the better of both by
-        AIC.
+    curve : {"auto", "polynomial", "reciprocal", "spline"}
+        What f is, of known distances (pairs): a polynomial in the distance d; one in 1 / (d + c) with an unknown c, as a sensor
+        reads that gives a voltage or a disparity; or a smooth curve that rises or falls everywhere, with no order. ``"auto"``:
+        d, but where readings fall with distance the better of the first two by AIC, and a spline where orders do not suffice.
     noise : {"auto", "constant", "f", "f2", "f3", "d2", "polynomial"}
         How the standard deviation s [m] of one reading depends on f; ``"auto"`` tries the first four.
     noise_shape : {"auto", "gaussian", "student-t", "contaminated", "one-sided"}
@@ -245,8 +245,8 @@ def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, forc
     recordings : Recording, path, or list of these
     simulation : Calibration, Recording, path, or list of Recording, optional
         What is held against the recordings; without it the seed model fitted to them.
-    curve : {"auto", "polynomial", "reciprocal"}
-        Of the seed model, as in `calibrate`.
+    curve : {"auto", "polynomial", "reciprocal", "spline"}
+        Of the seed model, as in `calibrate`, but ``"auto"`` takes no spline.
     alarm_rate : float
         False alarms per recording of the seed model, all questions together.
     force : list of str, or one, optional

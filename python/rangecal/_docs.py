@@ -71,7 +71,7 @@ _DOCS = {
     "Calibration": """The curve f, the noise law, stops and landmarks, with uncertainties or the reason why there are none.
 
     The sensor reports ``y = f(d) + s(d) e`` at the true distance ``d``, ``f(d) = sum alpha[i] u**i``, with u = d or,
-    of a reciprocal curve, u = 1 / (d + c).
+    of a reciprocal curve, u = 1 / (d + c), or a spline that rises everywhere.
 
     Attributes
     ----------
@@ -86,7 +86,9 @@ _DOCS = {
     order : int
         Of f.
     curve : dict
-        ``family``: "polynomial" (u = d) or "reciprocal"; of that c, ``offset_m``, and ``offset_std_m`` [m].
+        ``family``: "polynomial" (u = d), "reciprocal" with c, ``offset_m``, and ``offset_std_m`` [m], or "spline" with
+        ``knots_m`` and ``values_m`` of u [m], the values' ``covariance`` [m^2] beside that of alpha, and ``degrees`` of
+        freedom of the curve.
     alpha : ndarray (order + 1,)
         alpha[i] in m^(1-i), of a reciprocal curve in m^(1+i).
     covariance : ndarray (order + 1, order + 1) or None
@@ -173,7 +175,7 @@ _DOCS = {
     Attributes
     ----------
     order : int
-    curve : {"polynomial", "reciprocal"}
+    curve : {"polynomial", "reciprocal", "spline"}
     noise_law : str
     nll, aic : float
         Marginal (pairs: plain) [nats]; infinite where it did not converge.

@@ -266,8 +266,8 @@ def f(self, distance_m):
 
 
 def f_std(self, distance_m):
-    """Standard deviation of f(d) [m], same shape, by ``covariance_with_choice`` where there is one, else ``covariance``;
-    NaN without either."""
+    """Standard deviation of f(d) [m], same shape, by ``covariance_with_choice`` where there is one, else ``covariance``, and
+    the shape of a spline; NaN without either."""
     return _f_std(self, _take.numbers("distance_m", distance_m))
 
 

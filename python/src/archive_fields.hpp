@@ -109,9 +109,18 @@ inline void archive_fields(python::Archive& a, EffectsCovariance& s) {
   auto& [parameters, matrix] = s;
   a(parameters, matrix);
 }
+inline void archive_fields(python::Archive& a, NaturalSpline& s) {
+  Eigen::VectorXd knots = s.knots(), values = s.values();
+  a(knots, values);
+  if (knots.size() > 0) s = NaturalSpline(std::move(knots), std::move(values));
+}
+inline void archive_fields(python::Archive& a, SplineScale& s) {
+  auto& [u, covariance, degrees] = s;
+  a(u, covariance, degrees);
+}
 inline void archive_fields(python::Archive& a, CurveScale& s) {
-  auto& [family, offset, offset_std] = s;
-  a(family, offset, offset_std);
+  auto& [family, offset, offset_std, spline] = s;
+  a(family, offset, offset_std, spline);
 }
 inline void archive_fields(python::Archive& a, Calibration& s) {
   auto& [method, kind, outcome, reason, scale, alpha, covariance, by_stops, by_landmarks, misfit, left_out,

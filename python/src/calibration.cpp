@@ -32,9 +32,16 @@ std::optional<double> std_of(const std::optional<Estimate>& e) { return e ? e->s
 py::dict curve(const Calibration& c) {
   py::dict entry;
   entry["family"] = to_string(c.scale.family);
-  if (c.scale.is_distance()) return entry;
-  entry["offset_m"] = c.scale.offset_m;
-  entry["offset_std_m"] = c.scale.offset_std_m;
+  if (c.scale.is_reciprocal()) {
+    entry["offset_m"] = c.scale.offset_m;
+    entry["offset_std_m"] = c.scale.offset_std_m;
+  }
+  if (c.scale.spline) {
+    entry["knots_m"] = c.scale.spline->u.knots();
+    entry["values_m"] = c.scale.spline->u.values();
+    entry["covariance"] = c.scale.spline->covariance;
+    entry["degrees"] = c.scale.spline->degrees;
+  }
   return entry;
 }
 

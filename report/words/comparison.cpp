@@ -91,6 +91,11 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
     table.row("offset c [m]", [](const Calibration& c, std::size_t) {
       return has_answer(c) ? with_std(c.scale.offset_m, c.scale.offset_std_m) : std::string("-");
     });
+  if (family == CurveFamily::spline)
+    table.row("degrees of freedom", [](const Calibration& c, std::size_t) {
+      return has_answer(c) && c.scale.spline ? fmt::format("{:.1f}", c.scale.spline->degrees)
+                                             : std::string("-");
+    });
   for (Eigen::Index j = 0; j < taus; ++j)
     table.row(named(!has_sigma(law) ? fmt::format("beta_{}", j).c_str() : "sigma_e",
                     law_unit(law, static_cast<int>(j))),

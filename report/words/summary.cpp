@@ -116,10 +116,13 @@ std::string curve_in_words(const Calibration& c) {
              : i == 1 ? fmt::format(" {}", u)
                       : fmt::format(" {}^{}", u, i));
   }
-  if (!c.scale.is_distance())
+  if (c.scale.is_reciprocal())
     text += fmt::format(", u = 1 / (d + {} m)",
                         c.scale.offset_std_m ? "(" + with_std(c.scale.offset_m, c.scale.offset_std_m) + ")"
                                              : with_std(c.scale.offset_m, std::nullopt));
+  if (c.scale.spline)
+    text += fmt::format(", u(d) a spline through {} knots (the curve has {:.1f} degrees of freedom)",
+                        c.scale.spline->u.knots().size(), c.scale.spline->degrees);
   return text + fmt::format("; d the true distance in m, fitted from {:.2f} to {:.2f} m", c.range_min_m,
                             c.range_max_m);
 }
@@ -148,6 +151,8 @@ std::string curve_table(const Calibration& c) {
 
 /// What the choice of order and noise law does to the uncertainty stated; empty where nothing was chosen.
 std::string choice_in_words(const Calibration& c, const CalibrationReport& report) {
+  if (c.alpha_covariance && c.scale.spline)
+    return "the 95 % band has the uncertainty of the spline's shape in it, not that of the noise law";
   if (!c.alpha_covariance || report.models.size() < 2) return {};
   if (!c.scale.is_distance() && c.covariance_with_choice)
     return "the 95 % band and the standard deviations hold given order, noise law and u; the band with the choice has the "

@@ -66,15 +66,20 @@ std::string describe(const Counts& counts) {
 
 namespace {
 
-std::string family_in_words(CurveFamily family) {
-  return family == CurveFamily::polynomial ? "" : std::string(to_string(family)) + " of ";
+/// "order 2", "reciprocal of order 1", "spline". `named`: a polynomial, too.
+std::string model_in_words(CurveFamily family, int order, bool named) {
+  if (family == CurveFamily::spline) return "spline";
+  const std::string of_order = fmt::format("order {}", order);
+  return family == CurveFamily::polynomial && !named ? of_order
+                                                     : std::string(to_string(family)) + " of " + of_order;
 }
 
 }  // namespace
 
 std::string describe_choice(const Calibration& calibration, const CalibrationReport& report) {
-  std::string text = fmt::format("{}order {}, noise {}", family_in_words(calibration.scale.family),
-                                 calibration.order(), law_in_words(calibration.noise.law));
+  std::string text =
+      fmt::format("{}, noise {}", model_in_words(calibration.scale.family, calibration.order(), false),
+                  law_in_words(calibration.noise.law));
   if (report.models.empty()) return text + " (as asked)";
   if (report.criterion == OrderCriterion::cross_validation || report.criterion == OrderCriterion::thirds)
     return text + fmt::format(" (order by {}, noise by AIC of {} models)",
@@ -99,10 +104,9 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
                  : fmt::format(" (of {} models", models.size());
   const double base = lowest ? value(models[0]) : value(*chosen);
   if (other != models.end() && std::isfinite(value(*other)) && std::isfinite(base))
-    text += fmt::format("; {}: {}order {}, {}, {} {:+.1f}", lowest ? "next" : "lowest",
-                        calibration.scale.is_distance() ? family_in_words(other->family)
-                                                        : std::string(to_string(other->family)) + " of ",
-                        other->order, law_in_words(other->law), name, value(*other) - base);
+    text += fmt::format("; {}: {}, {}, {} {:+.1f}", lowest ? "next" : "lowest",
+                        model_in_words(other->family, other->order, !calibration.scale.is_distance()),
+                        law_in_words(other->law), name, value(*other) - base);
   return text + ")";
 }
 

@@ -60,6 +60,8 @@ TEST(Formats, NameEveryMemberOfACalibration) {
   EXPECT_EQ(files.back().at("outliers").size(), 1u);
   files.push_back(written(folder, "calibrate " + shipped("everyday/reciprocal") + " --json"));
   EXPECT_EQ(files.back().at("curve").at("family"), "reciprocal");
+  files.push_back(written(folder, "calibrate --curve spline " + shipped("everyday/reciprocal") + " --json"));
+  EXPECT_EQ(files.back().at("curve").at("family"), "spline");
   std::filesystem::create_directory(folder.file("noted"));
   folder.write("noted/recording.yaml", "format: rangecal/1\nkind: pairs\n");
   std::string pairs = "true_m,reading_m,by\n";

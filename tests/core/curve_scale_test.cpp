@@ -9,7 +9,7 @@
 namespace rangecal {
 namespace {
 
-constexpr CurveScale quarter{CurveFamily::reciprocal, 0.25, {}};
+const CurveScale quarter{CurveFamily::reciprocal, 0.25, {}};
 
 TEST(CurveScale, OfADistanceIsTheDistance) {
   const CurveScale scale;
@@ -28,7 +28,7 @@ TEST(CurveScale, ReciprocalByHand) {
 }
 
 TEST(CurveScale, NamesGoBothWays) {
-  for (const CurveFamily family : {CurveFamily::polynomial, CurveFamily::reciprocal})
+  for (const CurveFamily family : {CurveFamily::polynomial, CurveFamily::reciprocal, CurveFamily::spline})
     EXPECT_EQ(curve_family_from_string(to_string(family)), family);
   EXPECT_THROW(curve_family_from_string("hyperbola"), InputError);
 }
@@ -48,6 +48,39 @@ TEST(CurveScale, SameScalesHaveTheSameOffset) {
   EXPECT_TRUE(quarter.same_as(quarter));
   EXPECT_FALSE(quarter.same_as({CurveFamily::reciprocal, 0.3, {}}));
   EXPECT_FALSE(quarter.same_as({}));
+}
+
+/// u at 1, 2, 4 m: 1, 2.5, 4.
+CurveScale bent() {
+  CurveScale scale{CurveFamily::spline, 0.0, {}};
+  scale.spline.emplace();
+  scale.spline->u = NaturalSpline(Eigen::Vector3d(1.0, 2.0, 4.0), Eigen::Vector3d(1.0, 2.5, 4.0));
+  scale.spline->covariance = Eigen::Vector3d(0.0, 0.04, 0.0).asDiagonal();
+  scale.spline->degrees = 2.75;
+  return scale;
+}
+
+TEST(CurveScale, SplineGoesBothWays) {
+  const CurveScale scale = bent();
+  for (const double d : {0.4, 1.0, 1.3, 2.0, 3.1, 4.0, 5.5}) {
+    EXPECT_NEAR(scale.distance(scale.of(d)), d, 1e-14);
+    const double h = 1e-5;
+    EXPECT_NEAR(scale.slope(d), (scale.of(d + h) - scale.of(d - h)) / (2.0 * h), 1e-9);
+  }
+  EXPECT_EQ(scale.parameters(), 0.75);
+  EXPECT_TRUE(scale.same_as(bent()));
+  EXPECT_FALSE(scale.same_as({}));
+}
+
+// At the knot of 2 m u has the variance 0.04 m^2; f = 0.1 + 3 u there has 9 times that, and 0.01 + 2.5^2 0.0004 by alpha.
+TEST(CurveScale, SplineAddsTheVarianceOfItsShape) {
+  Calibration c;
+  c.scale = bent();
+  c.alpha = Eigen::Vector2d(0.1, 3.0);
+  c.alpha_covariance = Eigen::Vector2d(0.01, 0.0004).asDiagonal();
+  EXPECT_NEAR(shape_variance(c, 2.0), 0.36, 1e-15);
+  EXPECT_NEAR(curve_variance(c, 2.0).value(), 0.36 + 0.01 + 0.0025, 1e-15);
+  EXPECT_NEAR(shape_variance(c, 4.0), 0.0, 1e-15);
 }
 
 TEST(CurveScale, WhatNeedsADistanceSaysSo) {

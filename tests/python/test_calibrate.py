@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import gc
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -157,3 +158,18 @@ def test_a_voltage_gets_a_reciprocal_curve(source):
     assert rangecal.diagnose(folder, curve="reciprocal", held_out=False).verdict == "no_mismatch"
     with pytest.raises(rangecal.InputError, match="d2"):
         rangecal.calibrate(folder, curve="reciprocal", noise="d2")
+
+
+def test_a_spline_follows_the_same_voltage(source, tmp_path):
+    folder = source / "notebooks_data/everyday/reciprocal"
+    ours, known = rangecal.calibrate(folder, curve="spline"), rangecal.calibrate(folder)
+    assert ours.curve["family"] == "spline" and 4 < ours.curve["degrees"] < 40
+    assert np.all(np.diff(ours.curve["knots_m"]) > 0) and np.all(np.diff(ours.curve["values_m"]) > 0)
+    at = np.linspace(0.4, 5.8, 12)
+    assert np.all(np.abs(ours.f(at) - known.f(at)) < 4 * np.hypot(ours.f_std(at), known.f_std(at)))
+    assert rangecal.correct(ours, [ours.f(2.0)]).distance_m[0] == pytest.approx(2.0)
+    ours.save(tmp_path / "spline.json")
+    for again in (rangecal.load(tmp_path / "spline.json"), pickle.loads(pickle.dumps(ours))):
+        assert again.f(2.0) == ours.f(2.0) and again.f_std(2.0) == pytest.approx(ours.f_std(2.0))
+    with pytest.raises(rangecal.InputError, match="no order"):
+        rangecal.calibrate(folder, curve="spline", order=2)

@@ -76,7 +76,7 @@ void check_whole(const JsonFields& json, const Calibration& c) {
   json.check(noise.parameters.size() > 0, "noise.parameters", "holds no number");
   json.check(!has_sigma(noise.law) || noise.parameters.size() == 1, "noise.parameters",
              "one number belongs to this law");
-  json.check(c.scale.is_distance() || c.range_min_m + c.scale.offset_m > 0.0, "curve.offset_m",
+  json.check(!c.scale.is_reciprocal() || c.range_min_m + c.scale.offset_m > 0.0, "curve.offset_m",
              "puts a pole of the curve into the range fitted");
   if (c.effects_covariance) check_effects_covariance(json, c);
   if (!is_usable(c.outcome)) return;
@@ -89,11 +89,30 @@ void check_whole(const JsonFields& json, const Calibration& c) {
 
 }  // namespace
 
-static void fields(JsonFields& json, CurveScale& scale) {
+void fields(JsonFields& json, CurveScale& scale) {
   json.word("family", scale.family, curve_family_from_string);
-  if (scale.is_distance()) return;
-  json.required("offset_m", scale.offset_m);
-  json.optional("offset_std_m", scale.offset_std_m);
+  if (scale.is_reciprocal()) {
+    json.required("offset_m", scale.offset_m);
+    json.optional("offset_std_m", scale.offset_std_m);
+  }
+  if (scale.family != CurveFamily::spline) return;
+  if (json.reading()) scale.spline.emplace();
+  SplineScale& spline = *scale.spline;
+  Eigen::VectorXd knots = spline.u.knots(), values = spline.u.values();
+  json.numbers("knots_m", knots);
+  json.numbers("values_m", values);
+  json.square("covariance", spline.covariance, knots.size());
+  json.required("degrees", spline.degrees);
+  if (json.writing()) return;
+  bool ascending = knots.size() >= 3;
+  for (Eigen::Index j = 0; ascending && j + 1 < knots.size(); ++j) ascending = knots[j] < knots[j + 1];
+  json.check(ascending, "knots_m", "are not three numbers or more, in ascending order");
+  json.check(values.size() == knots.size(), "values_m", "has not one number for each knot");
+  json.check(is_covariance(spline.covariance), "covariance",
+             "is no covariance: finite, symmetric, no negative variance");
+  json.check(spline.degrees >= 2.0 && std::isfinite(spline.degrees), "degrees", "is not 2 or more");
+  spline.u = NaturalSpline(std::move(knots), std::move(values));
+  json.check(spline.u.least_slope() > 0.0, "values_m", "are of a spline that does not rise everywhere");
 }
 
 static void fields(JsonFields& json, ShapeEstimate& shape) {

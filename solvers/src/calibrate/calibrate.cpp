@@ -29,14 +29,19 @@ JointSolver joint_solver_from_string(const std::string& text) { return solver_na
 void CalibrateOptions::check_values() const {
   if (order && (*order < 0 || *order > 8)) throw InputError(fmt::format("order is {}, not 0 to 8", *order));
   if (max_order < 1 || max_order > 8) throw InputError(fmt::format("max_order is {}, not 1 to 8", max_order));
-  if (curve == CurveFamily::reciprocal && (noise == NoiseLaw::d_squared || noise == NoiseLaw::polynomial))
-    throw InputError(fmt::format(
-        "noise {} is a law of the distance, and curve reciprocal knows f alone: take constant, f, f2 or f3",
-        to_string(*noise)));
-  if (curve == CurveFamily::reciprocal && leaves_out(criterion))
-    throw InputError(fmt::format(
-        "criterion {} leaves readings out, and the offset of curve reciprocal is chosen by aic, aicc or bic",
-        to_string(criterion)));
+  if (curve && *curve != CurveFamily::polynomial) {
+    const std::string name = std::string("curve ") + to_string(*curve);
+    if (noise == NoiseLaw::d_squared || noise == NoiseLaw::polynomial)
+      throw InputError(
+          fmt::format("noise {} is a law of the distance, and {} knows f alone: take constant, f, f2 or f3",
+                      to_string(*noise), name));
+    if (leaves_out(criterion))
+      throw InputError(
+          fmt::format("criterion {} leaves readings out, and the scale of {} is chosen by aic, aicc or bic",
+                      to_string(criterion), name));
+    if (*curve == CurveFamily::spline && order)
+      throw InputError("curve spline has no order: its smoothness is estimated");
+  }
   if (order && leaves_out(criterion))
     throw InputError(
         fmt::format("criterion {} chooses the order, and order {} is given", to_string(criterion), *order));
@@ -76,10 +81,11 @@ CalibrationReport calibrate_report(std::span<const Recording> recordings, const 
     if (recording.kind != recordings[0].kind)
       throw InputError(recording.path + ": kinds landmarks and pairs cannot be mixed in one job (" +
                        recordings[0].path + " is of the other kind)");
-  if (recordings[0].kind == RecordingKind::landmarks && options.curve == CurveFamily::reciprocal)
-    throw InputError(recordings[0].path +
-                     ": curve reciprocal is for known distances (kind pairs): where landmarks are " +
-                     "unknown, readings are distances");
+  if (recordings[0].kind == RecordingKind::landmarks && options.curve &&
+      *options.curve != CurveFamily::polynomial)
+    throw InputError(
+        recordings[0].path + ": curve " + to_string(*options.curve) +
+        " is for known distances (kind pairs): where landmarks are unknown, readings are distances");
   CalibrationReport report;
   if (recordings[0].kind == RecordingKind::pairs)
     calibrate_pairs(recordings, options, report);

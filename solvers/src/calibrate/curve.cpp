@@ -123,10 +123,11 @@ std::optional<CurvePoint> curve_point(const Calibration& calibration, double dis
   point.reading_m = calibration.f(distance_m);
   const double u = calibration.scale.of(distance_m);
   point.noise_m = calibration.noise.spread(distance_m, point.reading_m);
+  const double of_shape = shape_variance(calibration, distance_m);
   if (calibration.alpha_covariance)
-    point.std_dev_m = std::sqrt(evaluate_form(*calibration.alpha_covariance, u));
+    point.std_dev_m = std::sqrt(evaluate_form(*calibration.alpha_covariance, u) + of_shape);
   if (calibration.covariance_with_choice)
-    point.std_dev_with_choice_m = std::sqrt(evaluate_form(*calibration.covariance_with_choice, u));
+    point.std_dev_with_choice_m = std::sqrt(evaluate_form(*calibration.covariance_with_choice, u) + of_shape);
   return point;
 }
 

@@ -440,19 +440,21 @@ void calibrate_polynomials(const Recording& all, std::span<const Recording> reco
 }
 
 /// The approximate model takes the reading for the distance in its noise.
-Calibration no_approximate_reciprocal() {
+Calibration no_approximate(CurveFamily family) {
   Calibration none;
   none.method = Method::approximate;
-  none.reason =
-      "the approximate model has s = sigma d^2 for s = sigma f^2 (2016, eq. 21): no reciprocal is near d";
+  none.reason = fmt::format(
+      "the approximate model has s = sigma d^2 for s = sigma f^2 (2016, eq. 21): it is one of polynomials in d, not of a {}",
+      to_string(family));
   return none;
 }
 
-/// How far readings of stretches of distance that were left out lie from the reciprocal and from polynomials.
-std::string left_out_of_reciprocal(const Recording& agreeing, const ReciprocalChoice& chosen, int max_order) {
+/// How far readings of stretches of distance that were left out lie from the curve and from polynomials.
+std::string left_out_beside_polynomials(const Recording& agreeing, const ScaleChoice& chosen, int max_order) {
   const Pairs& pairs = agreeing.pairs;
   const auto rms = [&](const CurveScale& scale, int order) {
-    return rms_of_stretches_left_out(pairs.true_m, pairs.reading_m, scale, order);
+    const auto errors = stretches_left_out(pairs.true_m, pairs.reading_m, {}, scale, order);
+    return errors ? std::optional(errors->rms()) : std::nullopt;
   };
   const std::optional<double> own = rms(chosen.scale, chosen.order);
   std::optional<double> least;
@@ -465,15 +467,18 @@ std::string left_out_of_reciprocal(const Recording& agreeing, const ReciprocalCh
   }
   if (!own || !least) return {};
   const std::string& unit = agreeing.sensor.unit;
+  const bool is_spline = chosen.scale.family == CurveFamily::spline;
   return fmt::format(
-      "readings of stretches of distance inside the range, left out in turn, lie {:.3g} {} RMS from the reciprocal of order {}, "
+      "readings of stretches of distance inside the range, left out in turn, lie {:.3g} {} RMS from the {}, "
       "{:.3g} {} from the best polynomial (order {})",
-      *own, unit.empty() ? "m" : unit, chosen.order, *least, unit.empty() ? "m" : unit, of_order);
+      *own, unit.empty() ? "m" : unit,
+      is_spline ? "spline" : fmt::format("{} of order {}", to_string(chosen.scale.family), chosen.order),
+      *least, unit.empty() ? "m" : unit, of_order);
 }
 
-void calibrate_reciprocal(const Recording& all, std::span<const Recording> recordings,
-                          const CalibrateOptions& options, const ReciprocalChoice& chosen,
-                          CalibrationReport& report) {
+void calibrate_on_scale(const Recording& all, std::span<const Recording> recordings,
+                        const CalibrateOptions& options, const ScaleChoice& chosen,
+                        CalibrationReport& report) {
   CalibrateOptions at = options;
   at.order = chosen.order;
   at.noise = chosen.law;
@@ -486,7 +491,7 @@ void calibrate_reciprocal(const Recording& all, std::span<const Recording> recor
   report.notes = std::move(inner.notes);
   report.check = std::move(inner.check);
   report.noise_shape = std::move(inner.noise_shape);
-  if (std::string left_out = left_out_of_reciprocal(
+  if (std::string left_out = left_out_beside_polynomials(
           options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all), chosen, options.max_order);
       !left_out.empty())
     report.notes.insert(report.notes.begin(), std::move(left_out));
@@ -495,16 +500,19 @@ void calibrate_reciprocal(const Recording& all, std::span<const Recording> recor
         report.notes.begin(),
         fmt::format("order {} rather than {}, which has the lowest criterion, but by less than 4",
                     chosen.order, chosen.order_of_lowest));
+  if (!chosen.note.empty()) report.notes.insert(report.notes.begin(), chosen.note);
   auto next = inner.calibrations.begin();
   for (const Method method : methods_of(options)) {
-    Calibration result = method == Method::approximate ? no_approximate_reciprocal() : std::move(*next++);
+    Calibration result =
+        method == Method::approximate ? no_approximate(chosen.scale.family) : std::move(*next++);
     result.kind = RecordingKind::pairs;
     result.counts = all.counts;
-    result.left_out.reset();  // a reading that falls with the distance is none: no curve is no rival
+    // A reading that falls with the distance is none: no curve is no rival. Over a spline's scale readings left out are in its shape.
+    result.left_out.reset();
     std::vector<double> weight;
     if (!result.noise_shapes.empty()) weight = readings_about(on_scale(all, chosen.scale), result).weight;
     if (method != Method::approximate) take_scale(chosen.scale, all, weight, result);
-    if (result.aic) *result.aic += 2.0;  // the offset
+    if (result.aic) *result.aic += 2.0 * chosen.scale.parameters();
     report.calibrations.push_back(std::move(result));
   }
 }
@@ -523,35 +531,113 @@ Recording joined(std::span<const Recording> recordings) {
   return all;
 }
 
-std::optional<ReciprocalChoice> reciprocal_due(const Recording& all, const CalibrateOptions& options) {
-  if (options.curve == CurveFamily::polynomial) return std::nullopt;
-  const Pairs& pairs = all.pairs;
-  const bool asked = options.curve == CurveFamily::reciprocal;
-  const bool of_distance = options.noise == NoiseLaw::d_squared || options.noise == NoiseLaw::polynomial ||
-                           leaves_out(options.criterion);
-  if (!asked && (of_distance || !readings_fall(pairs.true_m, pairs.reading_m))) return std::nullopt;
-  if (options.on_progress) options.on_progress("trying reciprocal curves");
-  const Recording agreeing = options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all);
-  std::optional<ReciprocalChoice> found =
-      choose_reciprocal(agreeing.pairs.true_m, agreeing.pairs.reading_m, options);
-  if (!found || asked) return found;
+namespace {
+
+/// True if a law of the distance, or left-out readings, are to choose the model: neither knows another scale.
+bool is_of_distance(const CalibrateOptions& options) {
+  return options.noise == NoiseLaw::d_squared || options.noise == NoiseLaw::polynomial ||
+         leaves_out(options.criterion);
+}
+
+/// True of an order of 2 at most that is below the highest tried.
+bool is_low(int order, const CalibrateOptions& options) { return order <= 2 && order < options.max_order; }
+
+/// The polynomial of lowest criterion among all that were tried, with Gaussian noise.
+struct BestPolynomial {
+  int order = 1;
+  double value = 0.0;
+  std::vector<ModelScore> models;
+};
+
+BestPolynomial best_polynomial(const Recording& agreeing, const CalibrateOptions& options, NoiseLaw law) {
   PairsRun polynomials(agreeing, agreeing, NoiseShape::gaussian, options);
   CalibrationReport tried;
-  const auto [order, law] = choose_pairs_model(
-      polynomials, {options.order.value_or(2), options.noise.value_or(NoiseLaw::constant)}, tried);
-  if (criterion_at(polynomials, order, law, tried.models) <= found->value) return std::nullopt;
-  found->models.insert(found->models.begin(), tried.models.begin(), tried.models.end());
+  const OrderAndLaw best =
+      choose_pairs_model(polynomials, {options.order.value_or(2), options.noise.value_or(law)}, tried);
+  const double value = criterion_at(polynomials, best.first, best.second, tried.models);
+  return {best.first, value, std::move(tried.models)};
+}
+
+}  // namespace
+
+std::optional<ScaleChoice> reciprocal_due(const Recording& all, const CalibrateOptions& options) {
+  if (options.curve && *options.curve != CurveFamily::reciprocal) return std::nullopt;
+  const Pairs& pairs = all.pairs;
+  const bool asked = options.curve.has_value();
+  if (!asked && (is_of_distance(options) || !readings_fall(pairs.true_m, pairs.reading_m)))
+    return std::nullopt;
+  if (options.on_progress) options.on_progress("trying reciprocal curves");
+  const Recording agreeing = options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all);
+  std::optional<ScaleChoice> found =
+      choose_reciprocal(agreeing.pairs.true_m, agreeing.pairs.reading_m, options);
+  if (!found || asked) return found;
+  const BestPolynomial best = best_polynomial(agreeing, options, NoiseLaw::constant);
+  if (best.value <= found->value) return std::nullopt;
+  found->models.insert(found->models.begin(), best.models.begin(), best.models.end());
   return found;
 }
+
+std::optional<ScaleChoice> spline_due(const Recording& all, const CalibrateOptions& options) {
+  if (options.curve && *options.curve != CurveFamily::spline) return std::nullopt;
+  const bool asked = options.curve.has_value();
+  const std::vector<Method> methods = methods_of(options);
+  const bool approximate_alone =
+      std::all_of(methods.begin(), methods.end(), [](Method m) { return m == Method::approximate; });
+  if (!asked && (options.order || is_of_distance(options) || approximate_alone)) return std::nullopt;
+  if (options.on_progress) options.on_progress("trying a spline");
+  const Recording agreeing = options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all);
+  std::optional<ScaleChoice> found = choose_spline(agreeing.pairs.true_m, agreeing.pairs.reading_m, options);
+  if (!found) {
+    if (asked)
+      throw InputError(
+          all.path +
+          ": no curve spline: it needs 6 readings or more at 5 different distances or more, with noise, that rise or fall with them");
+    return found;
+  }
+  if (asked) return found;
+  const std::optional<ScaleChoice> reciprocal = reciprocal_due(all, options);
+  BestPolynomial best;
+  if (reciprocal)
+    best = {reciprocal->order, reciprocal->value, reciprocal->models};
+  else
+    best = best_polynomial(agreeing, options, NoiseLaw::f_squared);
+  constexpr double clearly = 4.0;
+  if (is_low(best.order, options) || !(found->value < best.value - clearly)) return std::nullopt;
+  if (!predicts_better(agreeing.pairs, *found, reciprocal ? reciprocal->scale : CurveScale{}, best.order))
+    return std::nullopt;
+  found->models.insert(found->models.begin(), best.models.begin(), best.models.end());
+  return found;
+}
+
+namespace {
+
+/// On the scale that is asked for, or else on that of lowest criterion; a spline is looked for where low orders did not suffice.
+void calibrate_on_best_scale(const Recording& all, std::span<const Recording> recordings,
+                             const CalibrateOptions& options, CalibrationReport& report) {
+  if (options.curve == CurveFamily::spline) {
+    calibrate_on_scale(all, recordings, options, *spline_due(all, options), report);
+    return;
+  }
+  if (const std::optional<ScaleChoice> chosen = reciprocal_due(all, options))
+    calibrate_on_scale(all, recordings, options, *chosen, report);
+  else
+    calibrate_polynomials(all, recordings, options, report);
+  int order = 0;
+  for (const Calibration& one : report.calibrations) order = std::max(order, one.order());
+  if (options.curve || is_low(order, options)) return;
+  if (const std::optional<ScaleChoice> chosen = spline_due(all, options)) {
+    report = {};
+    report.criterion = options.criterion;
+    calibrate_on_scale(all, recordings, options, *chosen, report);
+  }
+}
+
+}  // namespace
 
 void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
                      CalibrationReport& report) {
   report.criterion = options.criterion;
-  const Recording all = joined(recordings);
-  if (const std::optional<ReciprocalChoice> chosen = reciprocal_due(all, options))
-    calibrate_reciprocal(all, recordings, options, *chosen, report);
-  else
-    calibrate_polynomials(all, recordings, options, report);
+  calibrate_on_best_scale(joined(recordings), recordings, options, report);
   std::optional<std::string> note;
   for (Calibration& calibration : report.calibrations)
     if (std::optional<std::string> added = add_reference_error(recordings, calibration))

@@ -19,7 +19,9 @@ namespace {
 std::string unit_warning(const Calibration& calibration) {
   constexpr double most = 20.0;
   const double d = 0.5 * (calibration.range_min_m + calibration.range_max_m);
-  if (calibration.alpha.size() == 0 || !(d > 0.0) || !calibration.scale.is_distance()) return {};
+  if (calibration.alpha.size() == 0 || !(d > 0.0) || calibration.scale.is_reciprocal() ||
+      !(calibration.slope(d) > 0.0))
+    return {};
   const double factor = std::abs(calibration.f(d)) / d;
   if (!std::isfinite(factor) || (factor < most && factor * most > 1.0)) return {};
   const bool pairs = calibration.kind == RecordingKind::pairs;

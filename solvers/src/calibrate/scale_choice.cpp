@@ -10,6 +10,7 @@
 #include <set>
 
 #include "calibrate/choice.hpp"
+#include "calibrate/smoothing_spline.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
@@ -88,15 +89,15 @@ bool readings_fall(std::span<const double> true_m, std::span<const double> readi
   return median_of(far, order.end()) < median_of(order.begin(), near);
 }
 
-std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m,
-                                                  std::span<const double> reading_m,
-                                                  const CalibrateOptions& options) {
+std::optional<ScaleChoice> choose_reciprocal(std::span<const double> true_m,
+                                             std::span<const double> reading_m,
+                                             const CalibrateOptions& options) {
   if (true_m.empty()) return std::nullopt;
   const auto [low, high] = std::minmax_element(true_m.begin(), true_m.end());
   const double nearest = *low, width = *high - *low;
   if (!(nearest >= 0.0) || !(width > 0.0)) return std::nullopt;
   const std::vector<double> few_d = thinned(true_m), few_y = thinned(reading_m);
-  std::vector<ReciprocalChoice> fitted;
+  std::vector<ScaleChoice> fitted;
   std::vector<ModelScore> models;
   for (const NoiseLaw law : laws_to_try(options))
     for (int order = options.order.value_or(1); order <= options.order.value_or(options.max_order); ++order) {
@@ -118,16 +119,70 @@ std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m
       fitted.push_back({{CurveFamily::reciprocal, std::exp(at) - nearest, {}}, order, law, value, order, {}});
     }
   if (fitted.empty()) return std::nullopt;
-  const ReciprocalChoice lowest = *std::min_element(
-      fitted.begin(), fitted.end(),
-      [](const ReciprocalChoice& a, const ReciprocalChoice& b) { return a.value < b.value; });
+  const ScaleChoice lowest =
+      *std::min_element(fitted.begin(), fitted.end(),
+                        [](const ScaleChoice& a, const ScaleChoice& b) { return a.value < b.value; });
   constexpr double nearly = 4.0;
-  ReciprocalChoice chosen = *std::find_if(fitted.begin(), fitted.end(), [&](const ReciprocalChoice& one) {
+  ScaleChoice chosen = *std::find_if(fitted.begin(), fitted.end(), [&](const ScaleChoice& one) {
     return one.law == lowest.law && one.value < lowest.value + nearly;
   });
   chosen.order_of_lowest = lowest.order;
   chosen.models = std::move(models);
   return chosen;
+}
+
+namespace {
+
+/// Weights of readings by a power law at f = level + factor u(d).
+std::vector<double> weights_at(NoiseLaw law, std::span<const double> true_m, const CurveScale& scale,
+                               double level, double factor) {
+  std::vector<double> weights;
+  for (const double d : true_m)
+    weights.push_back(std::pow(std::abs(level + factor * scale.of(d)), -2 * form_of(law).power_of_f));
+  return weights;
+}
+
+/// The spline of one law.
+std::optional<SmoothingSpline> spline_under(NoiseLaw law, std::span<const double> true_m,
+                                            std::span<const double> reading_m) {
+  constexpr int rounds = 3;  // a law's weights change by a share of what the curve does, a few percent
+  std::optional<SmoothingSpline> spline = smoothing_spline(true_m, reading_m);
+  for (int round = 0; round < rounds && spline && form_of(law).power_of_f > 0; ++round) {
+    const std::vector<double> weights = weights_at(law, true_m, spline->scale, spline->level, spline->factor);
+    spline = smoothing_spline(true_m, reading_m, weights);
+  }
+  return spline;
+}
+
+}  // namespace
+
+std::optional<ScaleChoice> choose_spline(std::span<const double> true_m, std::span<const double> reading_m,
+                                         const CalibrateOptions& options) {
+  std::optional<ScaleChoice> lowest;
+  std::vector<ModelScore> models;
+  for (const NoiseLaw law : laws_to_try(options)) {
+    std::optional<SmoothingSpline> spline = spline_under(law, true_m, reading_m);
+    if (!spline) continue;
+    CurveScale& scale = spline->scale;
+    PairsOptions model;
+    model.order = 1;
+    model.law = law;
+    const PairsFit fit = full_pairs(make_pairs_problem(scaled(true_m, scale), reading_m), model);
+    models.push_back({1, law, fit.nll, infinity, CurveFamily::spline});
+    if (fit.calibration.outcome != Outcome::converged) continue;
+    constexpr double line_and_noise = 3.0;
+    models.back().aic = 2.0 * (fit.nll + line_and_noise + scale.parameters());
+    const double value = criterion_of(models.back(), options.criterion, static_cast<double>(true_m.size()));
+    if (lowest && !(value < lowest->value)) continue;
+    lowest = {std::move(scale), 1, law, value, 1, {}};
+    lowest->alpha = fit.calibration.alpha;
+    if (spline->stiffened)
+      lowest->note =
+          "the likeliest spline turns, or nearly, where a reading can stand for two distances; this is a smoother one that does not, and its "
+          "band knows nothing of that: a curve over 1 / (d + c) may turn (--curve reciprocal)";
+  }
+  if (lowest) lowest->models = std::move(models);
+  return lowest;
 }
 
 namespace {
@@ -148,12 +203,18 @@ std::vector<int> stretches_of(std::span<const double> true_m) {
 }
 
 struct LeftOutFit {
-  std::vector<double> d, y;
+  std::vector<double> d, y, weight;
   int order = 0;
 
-  PolynomialFit on(const CurveScale& scale) const { return fit_polynomial(scaled(d, scale), y, order); }
-  /// The offset of least squares, near that of `scale`.
-  CurveScale refitted(CurveScale scale, double nearest) const {
+  PolynomialFit on(const CurveScale& scale) const {
+    return fit_polynomial(scaled(d, scale), y, order, weight);
+  }
+  /// The offset of least squares, near that of `scale`; the smoothing spline.
+  std::optional<CurveScale> refitted(CurveScale scale, double nearest) const {
+    if (scale.family == CurveFamily::spline) {
+      const auto spline = smoothing_spline(d, y, weight);
+      return spline ? std::optional(spline->scale) : std::nullopt;
+    }
     if (scale.is_distance()) return scale;
     const double at = std::log(scale.offset_m + nearest);
     const auto squares = [&](double x) {
@@ -168,14 +229,15 @@ struct LeftOutFit {
 
 }  // namespace
 
-std::optional<double> rms_of_stretches_left_out(std::span<const double> true_m,
-                                                std::span<const double> reading_m, const CurveScale& scale,
-                                                int order) {
+std::optional<LeftOutStretches> stretches_left_out(std::span<const double> true_m,
+                                                   std::span<const double> reading_m,
+                                                   std::span<const double> weights, const CurveScale& scale,
+                                                   int order) {
   const std::vector<int> stretch = stretches_of(true_m);
   const std::set<int> all(stretch.begin(), stretch.end());
   if (all.size() < 6) return std::nullopt;
   const double nearest = *std::min_element(true_m.begin(), true_m.end());
-  double square = 0.0, count = 0.0;
+  LeftOutStretches errors;
   for (auto left_out = std::next(all.begin()); left_out != std::prev(all.end()); ++left_out) {
     LeftOutFit rest;
     rest.order = order;
@@ -183,17 +245,40 @@ std::optional<double> rms_of_stretches_left_out(std::span<const double> true_m,
       if (stretch[i] == *left_out) continue;
       rest.d.push_back(true_m[i]);
       rest.y.push_back(reading_m[i]);
+      if (!weights.empty()) rest.weight.push_back(weights[i]);
     }
-    const CurveScale own = rest.refitted(scale, nearest);
-    const PolynomialFit fit = rest.on(own);
+    const std::optional<CurveScale> own = rest.refitted(scale, nearest);
+    if (!own) return std::nullopt;
+    const PolynomialFit fit = rest.on(*own);
     if (!fit.usable()) return std::nullopt;
+    errors.squares.push_back(0.0);
+    errors.readings.push_back(0.0);
     for (std::size_t i = 0; i < true_m.size(); ++i) {
       if (stretch[i] != *left_out) continue;
-      square += std::pow(reading_m[i] - evaluate_polynomial(fit.alpha, own.of(true_m[i])), 2);
-      count += 1.0;
+      errors.squares.back() += (weights.empty() ? 1.0 : weights[i]) *
+                               std::pow(reading_m[i] - evaluate_polynomial(fit.alpha, own->of(true_m[i])), 2);
+      errors.readings.back() += 1.0;
     }
   }
-  return std::sqrt(square / count);
+  return errors;
+}
+
+bool predicts_better(const Pairs& pairs, const ScaleChoice& spline, const CurveScale& other, int order) {
+  const std::vector<double> weights =
+      weights_at(spline.law, pairs.true_m, spline.scale, spline.alpha[0], spline.alpha[1]);
+  const auto own = stretches_left_out(pairs.true_m, pairs.reading_m, weights, spline.scale, spline.order),
+             of_other = stretches_left_out(pairs.true_m, pairs.reading_m, weights, other, order);
+  if (!own || !of_other) return false;
+  const auto n = static_cast<Eigen::Index>(own->squares.size());
+  Eigen::ArrayXd gain(n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    gain[k] = (of_other->squares[i] - own->squares[i]) / own->readings[i];
+  }
+  const double mean = gain.mean(),
+               std_error = std::sqrt((gain - mean).square().sum() / static_cast<double>(n * (n - 1)));
+  constexpr double clearly = 2.0;
+  return mean > clearly * std_error;
 }
 
 Recording on_scale(Recording recording, const CurveScale& scale) {
@@ -204,12 +289,13 @@ Recording on_scale(Recording recording, const CurveScale& scale) {
 void take_scale(const CurveScale& scale, const Recording& over_distance, std::span<const double> weight,
                 Calibration& calibration) {
   calibration.scale = scale;
-  if (calibration.range_max_m > calibration.range_min_m) {  // over u, which falls with the distance
-    const double nearest = scale.distance(calibration.range_max_m);
-    calibration.range_max_m = scale.distance(calibration.range_min_m);
-    calibration.range_min_m = nearest;
+  if (calibration.range_max_m > calibration.range_min_m) {  // over u, which may fall with the distance
+    const double one = scale.distance(calibration.range_min_m),
+                 other = scale.distance(calibration.range_max_m);
+    calibration.range_min_m = std::min(one, other);
+    calibration.range_max_m = std::max(one, other);
   }
-  if (!calibration.alpha_covariance) return;
+  if (!scale.is_reciprocal() || !calibration.alpha_covariance) return;
   const Eigen::Index n = calibration.alpha.size();
   Eigen::VectorXd by_offset = Eigen::VectorXd::Zero(n + 1);  // f_c in powers of u
   for (Eigen::Index i = 1; i < n; ++i) by_offset[i + 1] = -static_cast<double>(i) * calibration.alpha[i];

@@ -58,9 +58,10 @@ struct Curve {
 /// Distances in [low, high] of the roots of a polynomial in u, ascending.
 std::vector<double> roots_over(const CurveScale& scale, const VectorXd& in_u, double low, double high) {
   if (scale.is_distance()) return real_roots(in_u, low, high);
-  std::vector<double> roots = real_roots(in_u, scale.of(high), scale.of(low));
+  const auto [from, to] = std::minmax({scale.of(low), scale.of(high)});
+  std::vector<double> roots = real_roots(in_u, from, to);
   for (double& root : roots) root = scale.distance(root);
-  std::reverse(roots.begin(), roots.end());
+  std::sort(roots.begin(), roots.end());
   return roots;
 }
 
@@ -208,7 +209,7 @@ SearchedRange searched_range(const Calibration& c, double reading_m, const Corre
     throw InputError("correct: extension = " + std::to_string(options.extension) + " is negative");
   const double width = c.range_max_m - c.range_min_m, extra = options.extension * width;
   double low = std::max(c.range_min_m - extra, 1e-6 * width);
-  if (!c.scale.is_distance())  // no nearer than half of the way to the curve's pole
+  if (c.scale.is_reciprocal())  // no nearer than half of the way to the curve's pole
     low = std::max(low, c.scale.distance(2.0 * c.scale.of(c.range_min_m)));
   return {low, c.range_max_m + extra};
 }

@@ -176,7 +176,7 @@ std::optional<double> EffectCorrector::mean_variance(double d, const ReadingSett
     h[estimated.row] = (range(estimated.step) - range(-estimated.step)) / (2.0 * estimated.step);
     parameter = estimate;
   }
-  const double variance = h.dot(C * h);
+  const double variance = h.dot(C * h) + shape_variance(calibration_, d);
   return std::isfinite(variance) ? std::optional(std::max(0.0, variance)) : std::nullopt;
 }
 

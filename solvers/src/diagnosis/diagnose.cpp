@@ -74,7 +74,8 @@ std::vector<Recording> simulated_by(const Calibration& calibration, std::span<co
   return simulate(model, seed_from("simulated_by", {}));
 }
 
-/// The simulation's; else as calibrate chooses it, a reciprocal of one order more, which takes up what its offset is off by.
+/// The simulation's; else as calibrate chooses it, but a spline only where it is asked for, since it would take up what has a name. Of a
+/// reciprocal and a spline of one order more, which takes up what offset or shape are off by.
 diagnosis::SeedCurve seed_curve(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   diagnosis::SeedCurve seed;
   if (options.simulation) {
@@ -82,14 +83,16 @@ diagnosis::SeedCurve seed_curve(std::span<const Recording> recordings, const Dia
     return seed;
   }
   if (recordings.empty() || recordings[0].kind != RecordingKind::pairs) {
-    if (options.curve == CurveFamily::reciprocal)
-      seed.scale.family = CurveFamily::reciprocal;  // refused by make_rows
+    if (options.curve) seed.scale.family = *options.curve;  // make_rows refuses all but polynomials
     return seed;
   }
   constexpr int highest = 4;
   CalibrateOptions wanted;
   wanted.curve = options.curve;
-  if (const std::optional<ReciprocalChoice> chosen = reciprocal_due(joined(recordings), wanted)) {
+  const Recording all = joined(recordings);
+  const std::optional<ScaleChoice> chosen =
+      wanted.curve == CurveFamily::spline ? spline_due(all, wanted) : reciprocal_due(all, wanted);
+  if (chosen) {
     seed.scale = chosen->scale;
     seed.order = std::min(highest, chosen->order + 1);
   }

@@ -207,7 +207,7 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
     c.joint_nll = joint_nll(working.problem, fit.state) + working.constant;
   }
   if (!rows.alpha_prior)
-    c.aic = 2.0 * (fit.nll + parameter_count(rows.problem, fit.state, rows.pairs) +
+    c.aic = 2.0 * (fit.nll + parameter_count(rows.problem, fit.state, rows.pairs) + c.scale.parameters() +
                    static_cast<double>(fit.free.size()));
   int landmark = 0, stop = 0, index = 0;
   for (const Recording& recording : recordings) {
@@ -295,7 +295,15 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     note_limits(rows, found.best.fit.model, result.notes);
     note_large(found.best.fit.model, result.notes);
   }
-  if (!rows.curve.scale.is_distance())
+  if (rows.curve.scale.spline && rows.alpha_prior)
+    result.notes.push_back(
+        "the shape of the simulation's spline is taken for exact: only the line in it has an uncertainty");
+  else if (rows.curve.scale.spline)
+    result.notes.push_back(fmt::format(
+        "the curve is one over a spline of the distance ({:.1f} degrees of freedom): what differs along the distance alone "
+        "is in it",
+        rows.curve.scale.spline->degrees));
+  if (rows.curve.scale.is_reciprocal())
     result.notes.push_back(
         fmt::format("the readings fall with distance as a sensor's voltage does: the curve is one over "
                     "1 / (d + {:.4g} m)",

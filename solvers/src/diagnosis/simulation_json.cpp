@@ -5,7 +5,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_fields.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
@@ -244,7 +246,7 @@ void recording_from_json(const Json& json, SimulationModel& model) {
 std::string simulation_model_to_json(const SimulationModel& model) {
   const Calibration& c = model.calibration;
   Json json;
-  json["curve"] = {{"family", to_string(c.scale.family)}, {"offset_m", c.scale.offset_m}};
+  json["curve"] = json_of(c.scale);
   json["alpha"] = std::vector<double>(c.alpha.begin(), c.alpha.end());
   json["noise"] = {{"law", to_string(c.noise.law)},
                    {"parameters", std::vector<double>(c.noise.parameters.begin(), c.noise.parameters.end())}};
@@ -270,9 +272,11 @@ SimulationModel simulation_model_from_json(const std::string& text, const std::s
     const std::vector<double> alpha = json.at("alpha").get<std::vector<double>>();
     const std::vector<double> noise = json.at("noise").at("parameters").get<std::vector<double>>();
     if (alpha.empty() || noise.empty()) throw InputError("alpha or noise is empty");
-    if (const auto curve = json.find("curve"); curve != json.end()) {  // of older ones a polynomial
-      c.scale.family = curve_family_from_string(curve->at("family").get<std::string>());
-      c.scale.offset_m = curve->at("offset_m").get<double>();
+    if (const auto found = json.find("curve"); found != json.end()) {  // of older ones a polynomial
+      nlohmann::json curve = *found;
+      if (curve.value("family", "") == to_string(CurveFamily::polynomial))
+        curve.erase("offset_m");  // of older ones 0
+      JsonFields(curve, "curve").convert(c.scale);
     }
     c.alpha = Eigen::Map<const Eigen::VectorXd>(alpha.data(), static_cast<Eigen::Index>(alpha.size()));
     c.noise.law = noise_law_from_string(json.at("noise").at("law").get<std::string>());

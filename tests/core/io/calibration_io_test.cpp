@@ -245,6 +245,20 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
             "c.json: field 'effects.range_offset.offset_m': is not finite");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"counts\": {\"dropped\": {\"zero\": 0.5}}, " + noise),
             "c.json: field 'counts.dropped.zero': is not a whole number");
+  const auto spline = [&](const std::string& knots, const std::string& values,
+                          const std::string& covariance) {
+    return with("\"curve\": {\"family\": \"spline\", \"knots_m\": " + knots + ", \"values_m\": " + values +
+                ", \"covariance\": " + covariance + ", \"degrees\": 3}, \"alpha\": [0, 1], " + noise);
+  };
+  const std::string none = "[[0, 0, 0], [0, 0, 0], [0, 0, 0]]";
+  EXPECT_EQ(spline("[1, 3, 2]", "[1, 2, 3]", none),
+            "c.json: field 'curve.knots_m': are not three numbers or more, in ascending order");
+  EXPECT_EQ(spline("[1, 2, 3]", "[1, 2]", none),
+            "c.json: field 'curve.values_m': has not one number for each knot");
+  EXPECT_EQ(spline("[1, 2, 3]", "[1, 3, 2]", none),
+            "c.json: field 'curve.values_m': are of a spline that does not rise everywhere");
+  EXPECT_EQ(spline("[1, 2, 3]", "[1, 2, 3]", "[[1, 0], [0, 1]]"),
+            "c.json: field 'curve.covariance': is not 3 rows");
   EXPECT_THAT(with("\"alpha\": [0, 1], \"covarience\": [[1, 0], [0, 1]], " + noise),
               StartsWith("c.json: field 'covarience': is unknown; known here: format, method, kind, "));
   EXPECT_EQ(with("\"alpha\": [0, 1], \"stops\": [{\"stop\": \"1\", \"x\": 0.5}], " + noise),

@@ -9,18 +9,12 @@
 #include "rangecal/core/proportion.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/correction/correct.hpp"
+#include "support/pairs_of.hpp"
 
 namespace rangecal {
 namespace {
 
-Recording pairs_of(std::vector<double> true_m, std::vector<double> reading_m) {
-  Recording recording;
-  recording.kind = RecordingKind::pairs;
-  recording.counts.read = recording.counts.used = static_cast<int>(true_m.size());
-  recording.pairs.true_m = std::move(true_m);
-  recording.pairs.reading_m = std::move(reading_m);
-  return recording;
-}
+using testing::pairs_of;
 
 const std::vector<double> certified_d{0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0,
                                       1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9};
@@ -172,13 +166,13 @@ TEST(ScaleChoice, CorrectFindsEveryDistance) {
 TEST(ScaleChoice, StretchesLeftOutTellTheRightFamily) {
   const Recording recording = drawn(seed_from("ScaleChoice.Stretches", {}), 0.3, 4.0, 0.35, 0.02, 600);
   const auto rms = [&](const CurveScale& scale, int order) {
-    return rms_of_stretches_left_out(recording.pairs.true_m, recording.pairs.reading_m, scale, order).value();
+    return stretches_left_out(recording.pairs.true_m, recording.pairs.reading_m, {}, scale, order)->rms();
   };
   const double reciprocal = rms({CurveFamily::reciprocal, 0.3, {}}, 1);
   EXPECT_NEAR(reciprocal, 0.02, 0.003);  // the noise, from an offset that is off
   EXPECT_GT(rms({}, 4), 1.5 * reciprocal);
   const std::vector<double> few{1.0, 2.0, 3.0, 4.0};
-  EXPECT_FALSE(rms_of_stretches_left_out(few, few, {}, 1));
+  EXPECT_FALSE(stretches_left_out(few, few, {}, {}, 1));
 }
 
 TEST(ScaleChoice, RefusesWhatDoesNotGoTogether) {

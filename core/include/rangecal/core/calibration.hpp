@@ -106,7 +106,7 @@ struct Calibration {
 
   CurveScale scale;       ///< u(d), what f is a polynomial in
   Eigen::VectorXd alpha;  ///< order + 1 coefficients of f(d) = sum alpha_i u^i; alpha_i in m^(1-i)
-                          ///< on the scale of distance, of a reciprocal in m^(1+i)
+                          ///< on a scale of metres, of a reciprocal in m^(1+i)
   std::optional<Eigen::MatrixXd>
       alpha_covariance;  ///< given order, scale, noise law and the effects' parameters
   /// The same from how the answer changes when each stop (along a random walk: each stretch of it) is left out (jackknife,
@@ -166,7 +166,12 @@ std::vector<std::string> labels_of_landmarks(const Calibration& calibration);
 const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration& calibration);
 const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration&&) = delete;  ///< would be gone
 
-/// Variance of the curve f(d) [m^2]: p^T C p, p = (1, u, u^2, ...), u = u(d), C of `curve_covariance`; none where there is none.
+/// What the uncertainty of a spline's shape adds to the variance of f(d) [m^2], (df/du)^2 var(u); 0 of other scales, whose
+/// uncertainty is in C.
+double shape_variance(const Calibration& calibration, double distance_m);
+
+/// Variance of the curve f(d) [m^2]: p^T C p, p = (1, u, u^2, ...), u = u(d), C of `curve_covariance`, and that of a spline's shape;
+/// none where there is no covariance.
 std::optional<double> curve_variance(const Calibration& calibration, double distance_m);
 
 /// Throws InputError where f is no polynomial in the distance, which `user` ("--from") cannot do without.

@@ -8,6 +8,10 @@
 
 namespace rangecal {
 
+class JsonFields;
+/// The members of `curve` (docs/formats.md), both ways.
+void fields(JsonFields& json, CurveScale& scale);
+
 /// Writes `rangecal-calibration/1` JSON (docs/formats.md): one object, or several under `methods`. Written to a temporary
 /// and renamed, so that no file is left half-written. Throws InputError if the path cannot be written. `notes`, what is to be
 /// known of the job, stand beside the calibrations where there are any; reading leaves them.

@@ -25,8 +25,9 @@ struct CalibrateOptions {
   std::vector<Method> methods;  ///< in the order wanted; empty: all
   std::optional<int> order;     ///< of f; nullopt: 1 .. max_order by AIC of the marginal NLL
   int max_order = 4;            ///< of that search
-  /// Of pairs. nullopt: a polynomial in the distance, but where the readings fall with the distance that of lowest criterion.
-  /// A reciprocal's order and noise law are chosen together with its offset, each offset by maximum likelihood.
+  /// Of pairs. nullopt: a polynomial in the distance; where the readings fall with distance, that or a reciprocal, the one of lower
+  /// criterion; a spline where low orders do not suffice (docs/which-estimator.md). A reciprocal's order and noise law are chosen together
+  /// with its offset, each offset by maximum likelihood; a spline has no order.
   std::optional<CurveFamily> curve;
   std::optional<NoiseLaw> noise;  ///< nullopt: constant, f, f2, f3 by AIC of the same
   /// In place of AIC, for pairs alone. Cross-validation and thirds (2021 section 3.2) choose the order: the mean square

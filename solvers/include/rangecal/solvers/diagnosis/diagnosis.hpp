@@ -174,7 +174,7 @@ struct DiagnoseOptions {
   int null_draws = 600;          ///< simulations of the battery under the fitted model
   bool held_out = true, unseen = true, next_experiments = true;
   bool laws = false;                              ///< look for formulas of what has no name
-  std::optional<CurveFamily> curve;               ///< of pairs, as in CalibrateOptions
+  std::optional<CurveFamily> curve;               ///< of pairs, as in CalibrateOptions; nullopt takes no spline
   std::optional<Calibration> simulation;          ///< alpha and noise are held at this calibration;
                                                   ///< one with effects is simulated, as diagnose_against
   std::optional<std::vector<std::string>> force;  ///< fit exactly these effects, whatever the battery says
