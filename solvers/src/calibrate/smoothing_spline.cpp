@@ -17,19 +17,51 @@ namespace {
 
 constexpr std::size_t fewest_distances = 5, most_knots = 40;
 
-/// Different distances at equal shares of them, the outer ones among them; of such as are nearly equal one.
-Eigen::VectorXd knots_of(std::span<const double> true_m) {
+/// How far along a curve distances are, from 0 to 1: half of it by their number, half by what readings change, so that a curve has as
+/// many knots where it is steep as where it is long. Readings count by means of neighbours.
+std::vector<double> shares_along(const std::vector<double>& distinct, std::span<const double> true_m,
+                                 std::span<const double> reading_m) {
+  const std::size_t groups = std::min(distinct.size(), most_knots);
+  const auto group_of = [&](std::size_t place) { return place * groups / distinct.size(); };
+  std::vector<double> sum(groups, 0.0), count(groups, 0.0);
+  for (std::size_t i = 0; i < true_m.size(); ++i) {
+    const auto place = static_cast<std::size_t>(
+        std::upper_bound(distinct.begin(), distinct.end(), true_m[i]) - distinct.begin() - 1);
+    sum[group_of(place)] += reading_m[i];
+    count[group_of(place)] += 1.0;
+  }
+  std::vector<double> change(groups, 0.0);  // from the first group on
+  for (std::size_t g = 1; g < groups; ++g)
+    change[g] = change[g - 1] + std::abs(sum[g] / count[g] - sum[g - 1] / count[g - 1]);
+  std::vector<double> shares;
+  for (std::size_t k = 0; k < distinct.size(); ++k) {
+    const double number = static_cast<double>(k) / static_cast<double>(distinct.size() - 1);
+    const double at = number * static_cast<double>(groups - 1);
+    const auto g = std::min(static_cast<std::size_t>(at), groups - 2);
+    const double along = change[g] + (at - static_cast<double>(g)) * (change[g + 1] - change[g]);
+    shares.push_back(change.back() > 0.0 ? 0.5 * (number + along / change.back()) : number);
+  }
+  return shares;
+}
+
+/// Different distances at equal shares along the curve, the outer ones among them; of such as are nearly equal one.
+Eigen::VectorXd knots_of(std::span<const double> true_m, std::span<const double> reading_m) {
   std::vector<double> distinct(true_m.begin(), true_m.end());
   std::sort(distinct.begin(), distinct.end());
   const double nearly = distinct.empty() ? 0.0 : 1e-4 * (distinct.back() - distinct.front());
   distinct.erase(std::unique(distinct.begin(), distinct.end(),
                              [&](double kept, double next) { return next - kept <= nearly; }),
                  distinct.end());
-  const std::size_t count = std::min(distinct.size(), most_knots);
-  Eigen::VectorXd knots(static_cast<Eigen::Index>(count));
-  for (std::size_t k = 0; k < count; ++k)
-    knots[static_cast<Eigen::Index>(k)] = distinct[count < 2 ? 0 : k * (distinct.size() - 1) / (count - 1)];
-  return knots;
+  if (distinct.size() > most_knots) {
+    const std::vector<double> shares = shares_along(distinct, true_m, reading_m);
+    std::vector<double> chosen;
+    for (std::size_t k = 0; k < distinct.size(); ++k)
+      if (chosen.empty() || k + 1 == distinct.size() ||
+          shares[k] * (most_knots - 1) >= static_cast<double>(chosen.size()))
+        chosen.push_back(distinct[k]);
+    distinct = std::move(chosen);
+  }
+  return Eigen::VectorXd::Map(distinct.data(), static_cast<Eigen::Index>(distinct.size()));
 }
 
 /// The penalised least squares of the readings in the coordinates in which both the readings' information and the penalty are diagonal
@@ -151,7 +183,7 @@ std::optional<NaturalSpline> rising(const Eigen::VectorXd& knots, const Eigen::V
 std::optional<SmoothingSpline> smoothing_spline(std::span<const double> true_m,
                                                 std::span<const double> reading_m,
                                                 std::span<const double> weights) {
-  const Eigen::VectorXd knots = knots_of(true_m);
+  const Eigen::VectorXd knots = knots_of(true_m, reading_m);
   if (knots.size() < static_cast<Eigen::Index>(fewest_distances) || true_m.size() < fewest_distances + 1)
     return std::nullopt;
   if (!weights.empty()) {

@@ -29,9 +29,9 @@ struct SmoothingSpline {
 /// line in u takes up by least squares weighted with A.
 /// Source: Wahba 1985; Green and Silverman 1994, section 3; Wood 2011 (degrees of freedom: tr (A + lambda P)^-1 A).
 ///
-/// Knots: 40 at equal shares of the different distances, or all of them where they are fewer. `weights`: w_i; empty: 1. None where there
-/// are fewer than 5 different distances or 6 readings, where readings do not change from the nearest to the farthest, and where weights
-/// differ by more than a factor of 1e10. Cost: linear in the readings.
+/// Knots: some 40 at equal shares along the curve, by distances and by readings alike, or all distances where they are fewer.
+/// `weights`: w_i; empty: 1. None where there are fewer than 5 different distances or 6 readings, where readings do not change from the
+/// nearest to the farthest, and where weights differ by more than a factor of 1e10. Cost: linear in the readings.
 std::optional<SmoothingSpline> smoothing_spline(std::span<const double> true_m,
                                                 std::span<const double> reading_m,
                                                 std::span<const double> weights = {});

@@ -83,7 +83,9 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   const double bearing_weight =
       rows.reads_bearings() ? 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad) : 0.0;
   for (int i = 0; i < cells; ++i) {
-    slope_[i] = geometry_.slope[i] + (c.effect_slope.empty() ? 0.0 : c.effect_slope[i]);
+    // Stops of pairs move on the curve's scale.
+    slope_[i] = geometry_.slope[i] / rows.curve.scale.slope(geometry_.d[i]) +
+                (c.effect_slope.empty() ? 0.0 : c.effect_slope[i]);
     range_residual[i] =
         c.range_mean[i] - geometry_.f[i] - c.effect_change(static_cast<std::size_t>(i), geometry_.d[i]);
     bearing_residual[i] = rows.reads_bearings() ? wrap_angle(c.bearing_mean[i] - geometry_.bearing[i]) : 0.0;
