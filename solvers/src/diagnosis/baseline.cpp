@@ -12,9 +12,13 @@
 #include "calibrate/walk_seed.hpp"
 #include "diagnosis/grids.hpp"
 #include "diagnosis/search.hpp"
+#include "joint_ml/blocks.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -24,6 +28,27 @@ int distinct_distances(const Rows& rows, const JointState& state) {
   std::set<long> seen;
   for (double d : cell_geometry(rows, state).d) seen.insert(std::lround(d / 0.02));
   return static_cast<int>(seen.size());
+}
+
+/// `state`, or, where its curve is not positive at some distance (drifted odometry or outliers bent it), with the curve f(d) = d and the
+/// spread about that.
+JointState with_positive_curve(const JointProblem& problem, JointState state) {
+  const Cells& c = problem.cells;
+  std::vector<double> distances;
+  for (std::size_t i = 0; i < c.size(); ++i)
+    distances.push_back(Sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]).d);
+  const bool positive = std::all_of(distances.begin(), distances.end(),
+                                    [&](double d) { return evaluate_polynomial(state.alpha, d) > 0.0; });
+  if (positive || state.alpha.size() < 2) return state;
+  state.alpha.setZero();
+  state.alpha[1] = 1.0;
+  state.noise.parameters.setOnes();
+  std::vector<double> sizes;
+  for (std::size_t i = 0; i < c.size(); ++i)
+    sizes.push_back(std::abs(c.range_mean[i] - distances[i]) /
+                    state.noise.spread(distances[i], distances[i]));
+  state.noise.parameters[0] = std::max(upper_median(std::move(sizes)) / median_of_normal_size, 1e-6);
+  return state;
 }
 
 /// Landmarks placed from where the stops were meant to be; along a random walk from where its readings put
@@ -46,7 +71,7 @@ JointState start_from_readings(const JointProblem& problem, int order, NoiseLaw 
 }
 
 JointState start_of(const Rows& rows, int order, NoiseLaw law) {
-  if (!rows.pairs) return start_from_readings(rows.problem, order, law);
+  if (!rows.pairs) return with_positive_curve(rows.problem, start_from_readings(rows.problem, order, law));
   JointState state;
   state.noise.law = law;
   state.landmarks = {Eigen::Vector2d::Zero()};
