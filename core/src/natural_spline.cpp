@@ -30,11 +30,15 @@ struct Bands {
 
 }  // namespace
 
+bool NaturalSpline::are_knots(const Eigen::VectorXd& knots) {
+  bool ascending = knots.size() >= 3 && knots.allFinite();
+  for (Eigen::Index j = 0; ascending && j + 1 < knots.size(); ++j) ascending = knots[j] < knots[j + 1];
+  return ascending;
+}
+
 NaturalSpline::NaturalSpline(Eigen::VectorXd knots, Eigen::VectorXd values)
     : knots_(std::move(knots)), values_(std::move(values)) {
-  bool ascending = knots_.size() >= 3 && knots_.allFinite();
-  for (Eigen::Index j = 0; ascending && j + 1 < knots_.size(); ++j) ascending = knots_[j] < knots_[j + 1];
-  if (!ascending) throw InputError("a spline needs three knots or more, in ascending order");
+  if (!are_knots(knots_)) throw InputError("a spline needs three knots or more, in ascending order");
   if (values_.size() != knots_.size() || !values_.allFinite())
     throw InputError("a spline needs one finite value for each of its knots");
   const Bands bands(knots_);

@@ -81,7 +81,7 @@ def calibrate(recordings, method="marginal", *, order="auto", curve="auto", nois
     curve : {"auto", "polynomial", "reciprocal", "spline"}
         What f is, of known distances (pairs): a polynomial in the distance d; one in 1 / (d + c) with an unknown c, as a sensor
         reads that gives a voltage or a disparity; or a smooth curve that rises or falls everywhere, with no order. ``"auto"``:
-        d, but where readings fall with distance the better of the first two by AIC, and a spline where orders do not suffice.
+        d, but where readings fall with distance the better of the first two by AIC, and a spline where low orders do not.
     noise : {"auto", "constant", "f", "f2", "f3", "d2", "polynomial"}
         How the standard deviation s [m] of one reading depends on f; ``"auto"`` tries the first four.
     noise_shape : {"auto", "gaussian", "student-t", "contaminated", "one-sided"}

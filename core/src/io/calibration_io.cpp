@@ -104,9 +104,7 @@ void fields(JsonFields& json, CurveScale& scale) {
   json.square("covariance", spline.covariance, knots.size());
   json.required("degrees", spline.degrees);
   if (json.writing()) return;
-  bool ascending = knots.size() >= 3;
-  for (Eigen::Index j = 0; ascending && j + 1 < knots.size(); ++j) ascending = knots[j] < knots[j + 1];
-  json.check(ascending, "knots_m", "are not three numbers or more, in ascending order");
+  json.check(NaturalSpline::are_knots(knots), "knots_m", "are not three numbers or more, in ascending order");
   json.check(values.size() == knots.size(), "values_m", "has not one number for each knot");
   json.check(is_covariance(spline.covariance), "covariance",
              "is no covariance: finite, symmetric, no negative variance");

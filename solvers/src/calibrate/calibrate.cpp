@@ -31,7 +31,7 @@ void CalibrateOptions::check_values() const {
   if (max_order < 1 || max_order > 8) throw InputError(fmt::format("max_order is {}, not 1 to 8", max_order));
   if (curve && *curve != CurveFamily::polynomial) {
     const std::string name = std::string("curve ") + to_string(*curve);
-    if (noise == NoiseLaw::d_squared || noise == NoiseLaw::polynomial)
+    if (noise && !is_power_of_f(*noise))
       throw InputError(
           fmt::format("noise {} is a law of the distance, and {} knows f alone: take constant, f, f2 or f3",
                       to_string(*noise), name));

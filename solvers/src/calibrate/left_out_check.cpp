@@ -218,17 +218,19 @@ LeftOutErrors left_out_errors(const KnownReadings& readings, const Calibration& 
   return errors;
 }
 
-std::optional<Gain> gain_of(const LeftOutErrors& simpler, const LeftOutErrors& other) {
-  if (simpler.readings != other.readings || other.readings.size() < 4) return std::nullopt;
-  const double K = static_cast<double>(other.readings.size());
+Gain gain_of(const std::vector<double>& simpler, const std::vector<double>& other) {
+  const double K = static_cast<double>(other.size());
   Gain gain;
   double square = 0.0;
-  for (std::size_t k = 0; k < other.readings.size(); ++k)
-    gain.mean += (other.corrected_weighted[k] - simpler.corrected_weighted[k]) / K;
-  for (std::size_t k = 0; k < other.readings.size(); ++k)
-    square += std::pow(other.corrected_weighted[k] - simpler.corrected_weighted[k] - gain.mean, 2);
+  for (std::size_t k = 0; k < other.size(); ++k) gain.mean += (other[k] - simpler[k]) / K;
+  for (std::size_t k = 0; k < other.size(); ++k) square += std::pow(other[k] - simpler[k] - gain.mean, 2);
   gain.std_dev = std::sqrt(square / (K - 1.0) / K);
   return gain;
+}
+
+std::optional<Gain> gain_of(const LeftOutErrors& simpler, const LeftOutErrors& other) {
+  if (simpler.readings != other.readings || other.readings.size() < 4) return std::nullopt;
+  return gain_of(simpler.corrected_weighted, other.corrected_weighted);
 }
 
 std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const StopInfluence* influence,

@@ -50,11 +50,13 @@ struct KnownReadings {
 LeftOutErrors left_out_errors(const KnownReadings& readings, const Calibration& calibration,
                               const Calibration& weighed_by, StopInfluence& halves);
 
-/// By how much the weighted squares of held-out groups are smaller for `simpler` than for `other`, per group, and the
-/// standard error of that; none if they do not judge the same readings.
+/// By how much squares of held-out groups, one each, are smaller for `simpler` than for `other`, per group, and the standard error of
+/// that.
 struct Gain {
   double mean = 0.0, std_dev = 0.0;
 };
+Gain gain_of(const std::vector<double>& simpler, const std::vector<double>& other);
+/// The same of the weighted squares; none if they do not judge the same readings.
 std::optional<Gain> gain_of(const LeftOutErrors& simpler, const LeftOutErrors& other);
 /// True if `simpler` predicts the groups better than `other`, by more than the standard error of the difference.
 inline bool predicts_better(const LeftOutErrors& simpler, const LeftOutErrors& other) {

@@ -37,6 +37,11 @@ Recording agreeing_of(const Recording& all) {
   return agreeing;
 }
 
+/// These, unless Gaussian noise was asked for.
+Recording counting_readings(const Recording& all, const CalibrateOptions& options) {
+  return options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all);
+}
+
 PairsOptions pairs_options(const CalibrateOptions& options, NoiseShape shape, std::optional<int> order,
                            NoiseLaw law) {
   PairsOptions wanted;
@@ -374,7 +379,7 @@ int order_by_blocks_left_out(const Recording& all, const BlocksOfAll& blocks, Pa
 void calibrate_polynomials(const Recording& all, std::span<const Recording> recordings,
                            const CalibrateOptions& options, CalibrationReport& report) {
   const bool looks = options.noise_shape != NoiseShape::gaussian;
-  const Recording agreeing = looks ? agreeing_of(all) : all;
+  const Recording agreeing = counting_readings(all, options);
   const bool all_agree = agreeing.pairs.size() == all.pairs.size();
   std::optional<PairsRun> run;
   run.emplace(agreeing, agreeing, NoiseShape::gaussian, options);
@@ -491,8 +496,8 @@ void calibrate_on_scale(const Recording& all, std::span<const Recording> recordi
   report.notes = std::move(inner.notes);
   report.check = std::move(inner.check);
   report.noise_shape = std::move(inner.noise_shape);
-  if (std::string left_out = left_out_beside_polynomials(
-          options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all), chosen, options.max_order);
+  if (std::string left_out =
+          left_out_beside_polynomials(counting_readings(all, options), chosen, options.max_order);
       !left_out.empty())
     report.notes.insert(report.notes.begin(), std::move(left_out));
   if (chosen.order_of_lowest != chosen.order)
@@ -535,8 +540,7 @@ namespace {
 
 /// True if a law of the distance, or left-out readings, are to choose the model: neither knows another scale.
 bool is_of_distance(const CalibrateOptions& options) {
-  return options.noise == NoiseLaw::d_squared || options.noise == NoiseLaw::polynomial ||
-         leaves_out(options.criterion);
+  return (options.noise && !is_power_of_f(*options.noise)) || leaves_out(options.criterion);
 }
 
 /// True of an order of 2 at most that is below the highest tried.
@@ -567,7 +571,7 @@ std::optional<ScaleChoice> reciprocal_due(const Recording& all, const CalibrateO
   if (!asked && (is_of_distance(options) || !readings_fall(pairs.true_m, pairs.reading_m)))
     return std::nullopt;
   if (options.on_progress) options.on_progress("trying reciprocal curves");
-  const Recording agreeing = options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all);
+  const Recording agreeing = counting_readings(all, options);
   std::optional<ScaleChoice> found =
       choose_reciprocal(agreeing.pairs.true_m, agreeing.pairs.reading_m, options);
   if (!found || asked) return found;
@@ -577,58 +581,62 @@ std::optional<ScaleChoice> reciprocal_due(const Recording& all, const CalibrateO
   return found;
 }
 
-std::optional<ScaleChoice> spline_due(const Recording& all, const CalibrateOptions& options) {
-  if (options.curve && *options.curve != CurveFamily::spline) return std::nullopt;
-  const bool asked = options.curve.has_value();
+ScaleChoice asked_spline(const Recording& all, const CalibrateOptions& options) {
+  if (options.on_progress) options.on_progress("trying a spline");
+  const Recording counting = counting_readings(all, options);
+  std::optional<ScaleChoice> found = choose_spline(counting.pairs.true_m, counting.pairs.reading_m, options);
+  if (!found)
+    throw InputError(
+        all.path +
+        ": no curve spline: it needs 6 readings or more at 5 different distances or more, with noise, that rise or fall with them");
+  return std::move(*found);
+}
+
+namespace {
+
+/// A spline where low orders do not suffice: of polynomials, or of reciprocals where one is due, one of order 3 or more has the lowest
+/// criterion, a spline's is lower by more than 4, and it predicts better.
+std::optional<ScaleChoice> better_spline(const Recording& all, const CalibrateOptions& options,
+                                         const std::optional<ScaleChoice>& reciprocal) {
+  constexpr double clearly = 4.0;
   const std::vector<Method> methods = methods_of(options);
   const bool approximate_alone =
       std::all_of(methods.begin(), methods.end(), [](Method m) { return m == Method::approximate; });
-  if (!asked && (options.order || is_of_distance(options) || approximate_alone)) return std::nullopt;
+  if (options.curve || options.order || is_of_distance(options) || approximate_alone) return std::nullopt;
   if (options.on_progress) options.on_progress("trying a spline");
-  const Recording agreeing = options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all);
-  std::optional<ScaleChoice> found = choose_spline(agreeing.pairs.true_m, agreeing.pairs.reading_m, options);
-  if (!found) {
-    if (asked)
-      throw InputError(
-          all.path +
-          ": no curve spline: it needs 6 readings or more at 5 different distances or more, with noise, that rise or fall with them");
-    return found;
-  }
-  if (asked) return found;
-  const std::optional<ScaleChoice> reciprocal = reciprocal_due(all, options);
-  BestPolynomial best;
-  if (reciprocal)
-    best = {reciprocal->order, reciprocal->value, reciprocal->models};
-  else
-    best = best_polynomial(agreeing, options, NoiseLaw::f_squared);
-  constexpr double clearly = 4.0;
-  if (is_low(best.order, options) || !(found->value < best.value - clearly)) return std::nullopt;
-  if (!predicts_better(agreeing.pairs, *found, reciprocal ? reciprocal->scale : CurveScale{}, best.order))
+  const Recording counting = counting_readings(all, options);
+  std::optional<ScaleChoice> found = choose_spline(counting.pairs.true_m, counting.pairs.reading_m, options);
+  if (!found) return std::nullopt;
+  const BestPolynomial best = reciprocal
+                                  ? BestPolynomial{reciprocal->order, reciprocal->value, reciprocal->models}
+                                  : best_polynomial(counting, options, NoiseLaw::f_squared);
+  if (is_low(best.order, options) || !(found->value < best.value - clearly) ||
+      !spline_predicts_better(counting.pairs, *found, reciprocal ? reciprocal->scale : CurveScale{},
+                              best.order))
     return std::nullopt;
   found->models.insert(found->models.begin(), best.models.begin(), best.models.end());
   return found;
 }
 
-namespace {
-
 /// On the scale that is asked for, or else on that of lowest criterion; a spline is looked for where low orders did not suffice.
 void calibrate_on_best_scale(const Recording& all, std::span<const Recording> recordings,
                              const CalibrateOptions& options, CalibrationReport& report) {
   if (options.curve == CurveFamily::spline) {
-    calibrate_on_scale(all, recordings, options, *spline_due(all, options), report);
+    calibrate_on_scale(all, recordings, options, asked_spline(all, options), report);
     return;
   }
-  if (const std::optional<ScaleChoice> chosen = reciprocal_due(all, options))
-    calibrate_on_scale(all, recordings, options, *chosen, report);
+  const std::optional<ScaleChoice> reciprocal = reciprocal_due(all, options);
+  if (reciprocal)
+    calibrate_on_scale(all, recordings, options, *reciprocal, report);
   else
     calibrate_polynomials(all, recordings, options, report);
   int order = 0;
   for (const Calibration& one : report.calibrations) order = std::max(order, one.order());
-  if (options.curve || is_low(order, options)) return;
-  if (const std::optional<ScaleChoice> chosen = spline_due(all, options)) {
+  if (is_low(order, options)) return;
+  if (const std::optional<ScaleChoice> spline = better_spline(all, options, reciprocal)) {
     report = {};
     report.criterion = options.criterion;
-    calibrate_on_scale(all, recordings, options, *chosen, report);
+    calibrate_on_scale(all, recordings, options, *spline, report);
   }
 }
 

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "calibrate/choice.hpp"
+#include "calibrate/left_out_check.hpp"
 #include "calibrate/smoothing_spline.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -136,9 +137,9 @@ namespace {
 /// Weights of readings by a power law at f = level + factor u(d).
 std::vector<double> weights_at(NoiseLaw law, std::span<const double> true_m, const CurveScale& scale,
                                double level, double factor) {
+  const Noise unit{law, Eigen::VectorXd::Ones(1)};
   std::vector<double> weights;
-  for (const double d : true_m)
-    weights.push_back(std::pow(std::abs(level + factor * scale.of(d)), -2 * form_of(law).power_of_f));
+  for (const double d : true_m) weights.push_back(std::pow(unit.spread(d, level + factor * scale.of(d)), -2));
   return weights;
 }
 
@@ -251,34 +252,29 @@ std::optional<LeftOutStretches> stretches_left_out(std::span<const double> true_
     if (!own) return std::nullopt;
     const PolynomialFit fit = rest.on(*own);
     if (!fit.usable()) return std::nullopt;
-    errors.squares.push_back(0.0);
-    errors.readings.push_back(0.0);
+    double squares = 0.0, readings = 0.0;
     for (std::size_t i = 0; i < true_m.size(); ++i) {
       if (stretch[i] != *left_out) continue;
-      errors.squares.back() += (weights.empty() ? 1.0 : weights[i]) *
-                               std::pow(reading_m[i] - evaluate_polynomial(fit.alpha, own->of(true_m[i])), 2);
-      errors.readings.back() += 1.0;
+      squares += (weights.empty() ? 1.0 : weights[i]) *
+                 std::pow(reading_m[i] - evaluate_polynomial(fit.alpha, own->of(true_m[i])), 2);
+      readings += 1.0;
     }
+    errors.mean_square.push_back(squares / readings);
+    errors.readings.push_back(readings);
   }
   return errors;
 }
 
-bool predicts_better(const Pairs& pairs, const ScaleChoice& spline, const CurveScale& other, int order) {
+bool spline_predicts_better(const Pairs& pairs, const ScaleChoice& spline, const CurveScale& other,
+                            int order) {
+  constexpr double clearly = 2.0;
   const std::vector<double> weights =
       weights_at(spline.law, pairs.true_m, spline.scale, spline.alpha[0], spline.alpha[1]);
   const auto own = stretches_left_out(pairs.true_m, pairs.reading_m, weights, spline.scale, spline.order),
              of_other = stretches_left_out(pairs.true_m, pairs.reading_m, weights, other, order);
   if (!own || !of_other) return false;
-  const auto n = static_cast<Eigen::Index>(own->squares.size());
-  Eigen::ArrayXd gain(n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const auto i = static_cast<std::size_t>(k);
-    gain[k] = (of_other->squares[i] - own->squares[i]) / own->readings[i];
-  }
-  const double mean = gain.mean(),
-               std_error = std::sqrt((gain - mean).square().sum() / static_cast<double>(n * (n - 1)));
-  constexpr double clearly = 2.0;
-  return mean > clearly * std_error;
+  const Gain gain = gain_of(own->mean_square, of_other->mean_square);
+  return gain.mean > clearly * gain.std_dev;
 }
 
 Recording on_scale(Recording recording, const CurveScale& scale) {

@@ -49,18 +49,17 @@ std::optional<ScaleChoice> choose_spline(std::span<const double> true_m, std::sp
 /// asked for.
 std::optional<ScaleChoice> reciprocal_due(const Recording& all, const CalibrateOptions& options);
 
-/// A spline if it was asked for, or if low orders do not suffice: of polynomials, or of reciprocals where these are due, one of order 3 or
-/// more has the lowest criterion, a spline's is lower by more than 4, and it predicts_better.
-std::optional<ScaleChoice> spline_due(const Recording& all, const CalibrateOptions& options);
+/// The spline that was asked for (CalibrateOptions::curve), of the same readings. Throws InputError where there is none.
+ScaleChoice asked_spline(const Recording& all, const CalibrateOptions& options);
 
 /// The pairs of all recordings as one.
 Recording joined(std::span<const Recording> recordings);
 
 /// Errors of readings of stretches of distance that were left out in turn, one entry for each stretch.
 struct LeftOutStretches {
-  std::vector<double> squares, readings;  ///< weighted sum of squares [m^2]; number
+  std::vector<double> mean_square, readings;  ///< weighted [m^2]; number
   double rms() const {
-    return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) /
+    return std::sqrt(std::inner_product(mean_square.begin(), mean_square.end(), readings.begin(), 0.0) /
                      std::accumulate(readings.begin(), readings.end(), 0.0));
   }
 };
@@ -76,7 +75,8 @@ std::optional<LeftOutStretches> stretches_left_out(std::span<const double> true_
 /// True if a spline predicts stretches left out better than another curve does, each reading weighed by its noise, by more than two
 /// standard errors of the mean over the stretches. AIC takes readings for independent: where they depend on each other it follows
 /// what they have in common.
-bool predicts_better(const Pairs& pairs, const ScaleChoice& spline, const CurveScale& other, int order);
+bool spline_predicts_better(const Pairs& pairs, const ScaleChoice& spline, const CurveScale& other,
+                            int order);
 
 /// The recording with the scale's u in place of the true distances.
 Recording on_scale(Recording recording, const CurveScale& scale);

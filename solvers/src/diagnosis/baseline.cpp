@@ -12,10 +12,7 @@
 #include "calibrate/walk_seed.hpp"
 #include "diagnosis/grids.hpp"
 #include "diagnosis/search.hpp"
-#include "joint_ml/blocks.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/core/polynomial.hpp"
-#include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
@@ -28,27 +25,6 @@ int distinct_distances(const Rows& rows, const JointState& state) {
   std::set<long> seen;
   for (double d : cell_geometry(rows, state).d) seen.insert(std::lround(d / 0.02));
   return static_cast<int>(seen.size());
-}
-
-/// `state`, or, where its curve is not positive at some distance (drifted odometry or outliers bent it), with the curve f(d) = d and the
-/// spread about that.
-JointState with_positive_curve(const JointProblem& problem, JointState state) {
-  const Cells& c = problem.cells;
-  std::vector<double> distances;
-  for (std::size_t i = 0; i < c.size(); ++i)
-    distances.push_back(Sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]).d);
-  const bool positive = std::all_of(distances.begin(), distances.end(),
-                                    [&](double d) { return evaluate_polynomial(state.alpha, d) > 0.0; });
-  if (positive || state.alpha.size() < 2) return state;
-  state.alpha.setZero();
-  state.alpha[1] = 1.0;
-  state.noise.parameters.setOnes();
-  std::vector<double> sizes;
-  for (std::size_t i = 0; i < c.size(); ++i)
-    sizes.push_back(std::abs(c.range_mean[i] - distances[i]) /
-                    state.noise.spread(distances[i], distances[i]));
-  state.noise.parameters[0] = std::max(upper_median(std::move(sizes)) / median_of_normal_size, 1e-6);
-  return state;
 }
 
 /// Landmarks placed from where the stops were meant to be; along a random walk from where its readings put
@@ -70,8 +46,26 @@ JointState start_from_readings(const JointProblem& problem, int order, NoiseLaw 
   return state;
 }
 
+/// `state`, or, where its curve is not positive at some distance (drifted odometry or outliers bent it), with the curve f(d) = d and the
+/// spread about that.
+JointState with_positive_curve(const Rows& rows, JointState state) {
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const bool positive = std::all_of(geometry.f.begin(), geometry.f.end(), [](double f) { return f > 0.0; });
+  if (positive || state.alpha.size() < 2) return state;
+  state.alpha.setZero();
+  state.alpha[1] = 1.0;
+  state.noise.parameters.setOnes();
+  std::vector<double> errors;
+  for (std::size_t c = 0; c < geometry.d.size(); ++c) {
+    const double d = geometry.d[c];
+    errors.push_back((rows.problem.cells.range_mean[c] - d) / state.noise.spread(d, d));
+  }
+  state.noise.parameters[0] = std::max(robust_spread(std::move(errors)), 1e-6);
+  return state;
+}
+
 JointState start_of(const Rows& rows, int order, NoiseLaw law) {
-  if (!rows.pairs) return with_positive_curve(rows.problem, start_from_readings(rows.problem, order, law));
+  if (!rows.pairs) return with_positive_curve(rows, start_from_readings(rows.problem, order, law));
   JointState state;
   state.noise.law = law;
   state.landmarks = {Eigen::Vector2d::Zero()};

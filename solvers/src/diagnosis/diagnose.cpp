@@ -90,8 +90,9 @@ diagnosis::SeedCurve seed_curve(std::span<const Recording> recordings, const Dia
   CalibrateOptions wanted;
   wanted.curve = options.curve;
   const Recording all = joined(recordings);
-  const std::optional<ScaleChoice> chosen =
-      wanted.curve == CurveFamily::spline ? spline_due(all, wanted) : reciprocal_due(all, wanted);
+  const std::optional<ScaleChoice> chosen = wanted.curve == CurveFamily::spline
+                                                ? std::optional(asked_spline(all, wanted))
+                                                : reciprocal_due(all, wanted);
   if (chosen) {
     seed.scale = chosen->scale;
     seed.order = std::min(highest, chosen->order + 1);

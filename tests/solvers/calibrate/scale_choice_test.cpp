@@ -56,12 +56,8 @@ TEST(ScaleChoice, ReciprocalAgreesWithSciPy) {
 
 Recording drawn(std::uint64_t seed, double a, double b, double c, double sigma, std::size_t count) {
   Random random(seed);
-  std::vector<double> d, y;
-  for (std::size_t i = 0; i < count; ++i) {
-    d.push_back(random.uniform(0.2, 3.0));
-    y.push_back(a + b / (d.back() + c) + sigma * random.normal());
-  }
-  return pairs_of(std::move(d), std::move(y));
+  return testing::drawn_pairs(
+      random, count, 0.2, 3.0, [&](double d) { return a + b / (d + c); }, [&](double) { return sigma; });
 }
 
 TEST(ScaleChoice, IntervalsOfOffsetAndCurveCoverTheTruth) {

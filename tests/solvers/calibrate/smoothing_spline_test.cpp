@@ -8,7 +8,6 @@
 
 #include "calibrate/scale_choice.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/core/proportion.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/correction/correct.hpp"
@@ -100,15 +99,11 @@ TEST(SmoothingSpline, CalibrationHasItsCurveAndDeviations) {
 /// A reading that saturates: no polynomial of order 4.
 double bent_curve(double d) { return 0.25 + d + 0.2 * std::tanh(3.0 * (d - 1.5)); }
 
+double of_square(double f) { return 0.004 * f * f; }
+
 Recording drawn(std::uint64_t seed, std::size_t count) {
   Random random(seed);
-  std::vector<double> d, y;
-  for (std::size_t i = 0; i < count; ++i) {
-    d.push_back(random.uniform(0.2, 5.0));
-    const double f = bent_curve(d.back());
-    y.push_back(f + 0.004 * f * f * random.normal());
-  }
-  return pairs_of(std::move(d), std::move(y));
+  return testing::drawn_pairs(random, count, 0.2, 5.0, bent_curve, of_square);
 }
 
 TEST(SmoothingSpline, IntervalsOfTheCurveCoverTheTruth) {
@@ -140,13 +135,8 @@ TEST(SmoothingSpline, IsTakenWhereOrdersDoNotSuffice) {
   Random random(seed_from("SmoothingSpline.NotTaken", {}));
   int splines = 0;
   for (int i = 0; i < 100; ++i) {
-    std::vector<double> d, y;
-    for (int k = 0; k < 200; ++k) {
-      d.push_back(random.uniform(0.2, 5.0));
-      const double f = 0.05 + 0.9 * d.back() + 0.02 * d.back() * d.back();
-      y.push_back(f + 0.004 * f * f * random.normal());
-    }
-    const Recording recording = pairs_of(std::move(d), std::move(y));
+    const Recording recording = testing::drawn_pairs(
+        random, 200, 0.2, 5.0, [](double d) { return 0.05 + 0.9 * d + 0.02 * d * d; }, of_square);
     splines += calibrate({&recording, 1}, options_of({}, NoiseLaw::f_squared)).front().scale.family ==
                CurveFamily::spline;
   }

@@ -17,7 +17,9 @@ namespace rangecal {
 class NaturalSpline {
  public:
   NaturalSpline() = default;
-  /// `knots`: three or more, ascending; as many `values`. Throws InputError for others.
+  /// True of three finite numbers or more, in ascending order.
+  static bool are_knots(const Eigen::VectorXd& knots);
+  /// `values`: as many as knots. Throws InputError for others, and for what are no knots.
   NaturalSpline(Eigen::VectorXd knots, Eigen::VectorXd values);
 
   const Eigen::VectorXd& knots() const { return knots_; }
