@@ -47,7 +47,7 @@ class WarmupDrift final : public Effect {
   std::string missing(const EffectContext& context) const override { return lacks_times(context); }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
-    return {.range = (p[0] + p[1] * at.d * at.d) * -std::expm1(-at.time_s / p[2])};
+    return {.range = (p[0] + p[1] * at.d * at.d) * (1.0 - std::exp(-at.time_s / p[2]))};
   }
 };
 

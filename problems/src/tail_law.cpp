@@ -24,13 +24,16 @@ double wide(const Contamination& law, double s) { return std::hypot(1.0, law.ext
 /// Logarithms of odds beyond which their numbers are left.
 constexpr double largest_log_odds = 300.0;
 
-/// Of a one-sided error without end, of mean lambda in units of s, to the positive side: with x = z - 1 / lambda,
+/// Of a one-sided error whose end, if it has one, is out of reach, of mean lambda in units of s, to the positive side: with x = z -
+/// 1 / lambda,
 ///   odds = sqrt(2 pi) / lambda Phi(x) exp(x^2 / 2);   given z it is N(x, 1) above 0, of mean x + phi(x) / Phi(x).
-ExtraError one_sided_without_end(double lambda, double z) {
+/// An end at L divides the odds by 1 - exp(-L / lambda).
+ExtraError one_sided_with_end_out_of_reach(double lambda, double z, double end) {
   const double x = z - 1.0 / lambda;
   const double mills_inverse = std::sqrt(2.0 * std::numbers::pi) * normal_below(x) * std::exp(0.5 * x * x);
   ExtraError extra;
   extra.odds = mills_inverse / lambda;
+  if (end < 40.0 * lambda) extra.odds /= -std::expm1(-end / lambda);
   extra.mean = std::max(0.0, x + 1.0 / mills_inverse);
   extra.variance = std::max(0.0, 1.0 - extra.mean / mills_inverse);
   return extra;
@@ -47,10 +50,11 @@ std::optional<ExtraError> extra_given(const Contamination& law, double z, double
   const double sign = sign_of(law), lambda = std::abs(law.mean_m) / s, x = sign * z - 1.0 / lambda;
   if (!(0.5 * x * x < largest_log_odds)) return std::nullopt;
   ExtraError extra;
-  if (std::isinf(law.end_m)) {
-    extra = one_sided_without_end(lambda, sign * z);
+  const double end = law.end_m / s;
+  if (std::isinf(end) || ends_out_of_reach(x, end)) {
+    extra = one_sided_with_end_out_of_reach(lambda, sign * z, end);
   } else {
-    const OneSidedDensity at = one_sided_density(lambda, sign * z, law.end_m / s);
+    const OneSidedDensity at = one_sided_density(lambda, sign * z, end);
     const double log_odds = at.log_density + half_log_two_pi + 0.5 * z * z;
     if (!(log_odds < largest_log_odds)) return std::nullopt;
     extra = {std::exp(log_odds), 1.0, at.mean, at.variance};

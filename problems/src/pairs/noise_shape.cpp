@@ -82,6 +82,11 @@ void cut_on_both_sides(double x, double end, double log_inside, OneSidedDensity&
 
 }  // namespace
 
+bool ends_out_of_reach(double x, double end) {
+  constexpr double far = 10.0;  // beyond it a normal law has 1e-23
+  return end > far && x < end - far;
+}
+
 OneSidedDensity one_sided_density(double lambda, double z, double end) {
   const double x = z - 1.0 / lambda, t = -x / std::numbers::sqrt2;
   OneSidedDensity at;
@@ -98,9 +103,8 @@ OneSidedDensity one_sided_density(double lambda, double z, double end) {
   at.mean = std::max(0.0, x + mills);
   at.variance = std::max(0.0, 1.0 - mills * at.mean);
   if (!std::isfinite(end)) return at;
-  constexpr double far = 10.0;  // beyond it a normal law has 1e-23
   if (end < 40.0 * lambda) at.log_density -= std::log(-std::expm1(-end / lambda));
-  if (end > far && x < end - far) return at;
+  if (ends_out_of_reach(x, end)) return at;
   // The larger of the two probabilities first: both are near 1 where z lies beyond the end.
   const bool beyond = x > 0.5 * end;
   const double larger = log_normal_below(beyond ? end - x : x),

@@ -8,6 +8,7 @@
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/candidates.hpp"
 #include "diagnosis/generic.hpp"
+#include "diagnosis/refine.hpp"
 #include "diagnosis/working_problem.hpp"
 
 namespace rangecal::diagnosis {
@@ -15,13 +16,10 @@ namespace {
 
 constexpr std::size_t most_peaks = 4;  ///< as many as the search refits of a proposal
 
-/// True if scores over a grid found some parameter of the effect.
+/// True if scores over a grid found where the effect's parameters are best; those of tails and of dependence have one optimum, which a
+/// fit to the part finds from the one of all.
 bool was_chosen(const Rows& rows, const Effect& effect) {
-  const EffectInfo& info = effect.info();
-  return !is_bookkeeping(info.kind) &&
-         std::any_of(info.parameters.begin(), info.parameters.end(),
-                     [](const EffectParameter& p) { return p.discrete || !p.linear; }) &&
-         effect.start_grid(rows.context).size() > 1;
+  return has_many_optima(effect) && effect.start_grid(rows.context).size() > 1;
 }
 
 /// Without the curve, and with one along its covariate as the part asks for it. `held`: as `options`, names settled.
@@ -29,7 +27,7 @@ Fit with_reselected_curve(const Rows& part, Fit fitted, const GenericEffect& cur
                           const RefitOptions& options, OwnedCurves& curves) {
   Model others = fitted.model;
   std::erase_if(others, [&](const ActiveEffect& active) { return active.effect == &curve; });
-  Fit without = refit(part, others, fitted.state, held);
+  Fit without = refit(part, others, start_beside(part, fitted, others), held);
   if (!without.ok) return fitted;
   Question question;
   question.channel = curve.info().channel;
@@ -53,7 +51,7 @@ Fit reselect(const Rows& part, Fit fitted, const Rates& rates, const RefitOption
     if (!was_chosen(part, effect)) continue;
     Model others = fitted.model;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(e));
-    const Fit without = refit(part, others, fitted.state, rough);
+    const Fit without = refit(part, others, start_beside(part, fitted, others), rough);
     if (!without.ok) continue;
     const Battery battery = Battery::of_nothing(part, without.model, without.state, rates);
     Fit best;

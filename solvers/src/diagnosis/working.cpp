@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include "diagnosis/alternation.hpp"
@@ -56,27 +55,45 @@ void set_weight(const CellsAndRows& parts, int cell, double ratio, double extra_
   constant += 0.5 * std::log1p(shared);
 }
 
-/// The likeliest shared error c of a cell [m] whose readings' other errors e_i - c follow laws with tails, c ~ N(0, sigma^2):
+/// The likeliest error c that the readings of a cell share beside errors of their own, e_i = c + own, c ~ N(0, sigma^2): from the median
+/// to where
 ///
-///   c = sum_i w_i (e_i - a_i s_i) / s_i^2  /  (sum_i w_i / s_i^2 + 1 / sigma^2)
+///   g(c) = d/dc (sum_i ln p_i((e_i - c) / s_i) - c^2 / (2 sigma^2)) = 0.
 ///
-/// w_i, a_i weight and shift of the Gaussian that stands for the law at e_i - c, again until c stays; from the median.
+/// A step is Newton's where the sum is concave and g is the less behind it, else that of the Gaussians that stand for the laws, which
+/// always gains (expectation and maximisation). `law(i, e)`: log density, slope and curvature of reading i at the error e.
+template <typename Law>
 double likeliest_shared_error(std::vector<double> errors, const std::vector<double>& spreads, double sigma,
-                              const std::function<LogDensity(std::size_t, double)>& law) {
+                              const Law& law) {
   constexpr int most = 30;
-  double c = upper_median(errors);
-  for (int iteration = 0; iteration < most; ++iteration) {
-    double pull = 0.0, information = 1.0 / (sigma * sigma);
+  struct Point {
+    double c, slope = 0.0, curvature, information;
+  };
+  const auto at = [&](double c) {
+    Point point{.c = c,
+                .slope = -c / (sigma * sigma),
+                .curvature = 1.0 / (sigma * sigma),
+                .information = 1.0 / (sigma * sigma)};
     for (std::size_t i = 0; i < errors.size(); ++i) {
-      const LogDensity at = law(i, errors[i] - c);
-      const double precision = at.weight / (spreads[i] * spreads[i]);
-      pull += precision * (errors[i] - at.shift * spreads[i]);
-      information += precision;
+      TailLaw::Slopes slopes;
+      const LogDensity of_row = law(i, errors[i] - c, slopes);
+      point.slope -= of_row.derivative / spreads[i];
+      point.curvature += slopes.curvature / (spreads[i] * spreads[i]);
+      point.information += of_row.weight / (spreads[i] * spreads[i]);
     }
-    const double before = std::exchange(c, pull / information);
-    if (!(std::abs(c - before) > 1e-6 * spreads[0])) break;
+    return point;
+  };
+  Point here = at(upper_median(errors));
+  for (int iteration = 0; iteration < most; ++iteration) {
+    const bool concave = here.curvature > 0.0;
+    const double always_gains = here.slope / here.information;
+    const double step = concave ? here.slope / here.curvature : always_gains;
+    if (!(std::abs(step) > 1e-6 * spreads[0])) return here.c + step;
+    Point next = at(here.c + step);
+    if (concave && !(std::abs(next.slope) < std::abs(here.slope))) next = at(here.c + always_gains);
+    here = next;
   }
-  return c;
+  return here.c;
 }
 
 /// Puts in the place of the law of a row's error the Gaussian that stands for it there; `constant` takes what the NLL has more.
@@ -109,8 +126,8 @@ void add_tails(const Rows& rows, const CellGeometry& geometry, const Model& mode
         spreads.push_back(geometry.spread[cell] * std::sqrt(range_m[i]));
         of_rows.push_back(laws.of(static_cast<std::size_t>(i)));
       }
-      const auto law = [&](std::size_t i, double error) {
-        return of_rows[i].empty() ? LogDensity{} : of_rows[i].density(error, spreads[i]);
+      const auto law = [&](std::size_t i, double error, TailLaw::Slopes& slopes) {
+        return of_rows[i].density(error, spreads[i], &slopes);
       };
       working.tail_centre.segment(begin, count)
           .setConstant(likeliest_shared_error(errors, spreads, cell_sigma_m, law));

@@ -75,6 +75,8 @@ struct OneSidedDensity {
   double log_density = 0.0;  ///< with the normal's constant [nats]
   double mean = 0.0, variance = 0.0;
 };
+/// True if an end at L cuts next to nothing off of the normal of mean x: then all but the division is as without it.
+bool ends_out_of_reach(double x, double end);
 OneSidedDensity one_sided_density(double lambda, double z,
                                   double end = std::numeric_limits<double>::infinity());
 /// Its cumulative probability, with E = exp(-L / lambda) (by parts):
