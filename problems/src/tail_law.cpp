@@ -32,8 +32,7 @@ ExtraError one_sided_with_end_out_of_reach(double lambda, double z, double end) 
   const double x = z - 1.0 / lambda;
   const double mills_inverse = std::sqrt(2.0 * std::numbers::pi) * normal_below(x) * std::exp(0.5 * x * x);
   ExtraError extra;
-  extra.odds = mills_inverse / lambda;
-  if (end < 40.0 * lambda) extra.odds /= -std::expm1(-end / lambda);
+  extra.odds = mills_inverse / lambda / share_before_end(lambda, end);
   extra.mean = std::max(0.0, x + 1.0 / mills_inverse);
   extra.variance = std::max(0.0, 1.0 - extra.mean / mills_inverse);
   return extra;
@@ -51,7 +50,7 @@ std::optional<ExtraError> extra_given(const Contamination& law, double z, double
   if (!(0.5 * x * x < largest_log_odds)) return std::nullopt;
   ExtraError extra;
   const double end = law.end_m / s;
-  if (std::isinf(end) || ends_out_of_reach(x, end)) {
+  if (ends_out_of_reach(x, end)) {
     extra = one_sided_with_end_out_of_reach(lambda, sign * z, end);
   } else {
     const OneSidedDensity at = one_sided_density(lambda, sign * z, end);

@@ -87,6 +87,10 @@ bool ends_out_of_reach(double x, double end) {
   return end > far && x < end - far;
 }
 
+double share_before_end(double lambda, double end) {
+  return end < 40.0 * lambda ? -std::expm1(-end / lambda) : 1.0;  // beyond which it is 1 to the last bit
+}
+
 OneSidedDensity one_sided_density(double lambda, double z, double end) {
   const double x = z - 1.0 / lambda, t = -x / std::numbers::sqrt2;
   OneSidedDensity at;
@@ -103,7 +107,7 @@ OneSidedDensity one_sided_density(double lambda, double z, double end) {
   at.mean = std::max(0.0, x + mills);
   at.variance = std::max(0.0, 1.0 - mills * at.mean);
   if (!std::isfinite(end)) return at;
-  if (end < 40.0 * lambda) at.log_density -= std::log(-std::expm1(-end / lambda));
+  at.log_density -= std::log(share_before_end(lambda, end));
   if (ends_out_of_reach(x, end)) return at;
   // The larger of the two probabilities first: both are near 1 where z lies beyond the end.
   const bool beyond = x > 0.5 * end;

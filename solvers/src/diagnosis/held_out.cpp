@@ -194,7 +194,7 @@ std::vector<Fit> fits_without(const Rows& rows, const Fit& fit, const std::vecto
       [&](std::size_t i) {
         Model model = fit.model;
         std::erase_if(model, [&](const ActiveEffect& a) { return a.effect->info().id == members[i].effect; });
-        without[i] = refit(rows, model, start_beside(rows, fit, model), RefitOptions{});
+        without[i] = refit_beside(rows, fit, model, RefitOptions{});
       },
       jobs_at_once(rows.size()));
   return without;

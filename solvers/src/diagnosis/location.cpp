@@ -179,7 +179,7 @@ double log_p_of_curve(const Rows& rows, const SearchResult& found, const Located
       rest.push_back(full.model[e]);
   double without = found.baseline.nll;
   if (!rest.empty()) {
-    const Fit fit = refit(rows, rest, start_beside(rows, full, rest), RefitOptions{});
+    const Fit fit = refit_beside(rows, full, rest, RefitOptions{});
     if (fit.ok) without = found.known.model.empty() ? std::min(without, fit.nll) : fit.nll;
   }
   const int parameters = parameters_of(full, curve);

@@ -148,7 +148,7 @@ void start_anew(const Rows& rows, std::size_t member, const RefitOptions& option
   constexpr std::size_t most_followed = 3;
   constexpr double level = 0.3;  // nats
   const Model others = without(fit.model, member);
-  const Fit beside = refit(rows, others, start_beside(rows, fit, others), options);
+  const Fit beside = refit_beside(rows, fit, others, options);
   if (!beside.ok) return;
   const WorkingProblem working = working_problem(rows, beside.model, beside.state);
   const Projector projector(rows, working, beside.state);

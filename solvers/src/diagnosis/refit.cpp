@@ -298,4 +298,8 @@ JointState start_beside(const Rows& rows, const Fit& fit, const Model& model) {
   return start;
 }
 
+Fit refit_beside(const Rows& rows, const Fit& fit, const Model& model, const RefitOptions& options) {
+  return refit(rows, model, start_beside(rows, fit, model), options);
+}
+
 }  // namespace rangecal::diagnosis

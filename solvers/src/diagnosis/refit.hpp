@@ -83,6 +83,8 @@ Fit refit(const Rows& rows, const Model& model, const JointState& start, const R
 /// Where a fit of `model` starts beside another fit: its state, and where all is scored together the curve moved to take up what the model
 /// lacks of the other's effects, as far as it can under that fit's weights: a drift that is over at once is an offset.
 JointState start_beside(const Rows& rows, const Fit& fit, const Model& model);
+/// Fits `model` from there.
+Fit refit_beside(const Rows& rows, const Fit& fit, const Model& model, const RefitOptions& options);
 
 /// NLL of the model at its parameters with the calibration refitted; `state` moves to the fit. `detail`: the calibration, the
 /// slopes of REML on entry those to begin with.

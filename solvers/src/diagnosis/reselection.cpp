@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/reselection.hpp"
 
-#include <algorithm>
 #include <vector>
 
 #include "diagnosis/battery.hpp"
-#include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/candidates.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/refine.hpp"
@@ -27,7 +25,7 @@ Fit with_reselected_curve(const Rows& part, Fit fitted, const GenericEffect& cur
                           const RefitOptions& options, OwnedCurves& curves) {
   Model others = fitted.model;
   std::erase_if(others, [&](const ActiveEffect& active) { return active.effect == &curve; });
-  Fit without = refit(part, others, start_beside(part, fitted, others), held);
+  Fit without = refit_beside(part, fitted, others, held);
   if (!without.ok) return fitted;
   Question question;
   question.channel = curve.info().channel;
@@ -51,7 +49,7 @@ Fit reselect(const Rows& part, Fit fitted, const Rates& rates, const RefitOption
     if (!was_chosen(part, effect)) continue;
     Model others = fitted.model;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(e));
-    const Fit without = refit(part, others, start_beside(part, fitted, others), rough);
+    const Fit without = refit_beside(part, fitted, others, rough);
     if (!without.ok) continue;
     const Battery battery = Battery::of_nothing(part, without.model, without.state, rates);
     Fit best;

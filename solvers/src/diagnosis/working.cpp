@@ -60,11 +60,11 @@ void set_weight(const CellsAndRows& parts, int cell, double ratio, double extra_
 ///
 ///   g(c) = d/dc (sum_i ln p_i((e_i - c) / s_i) - c^2 / (2 sigma^2)) = 0.
 ///
-/// A step is Newton's where the sum is concave and g is the less behind it, else that of the Gaussians that stand for the laws, which
-/// always gains (expectation and maximisation). `law(i, e)`: log density, slope and curvature of reading i at the error e.
+/// A step is Newton's where the sum is concave and |g| is smaller behind it, else that of the Gaussians that stand for the laws, which
+/// always gains (expectation and maximisation). `law(i, e, slopes)`: the log density of reading i at the error e, as TailLaw::density.
 template <typename Law>
-double likeliest_shared_error(std::vector<double> errors, const std::vector<double>& spreads, double sigma,
-                              const Law& law) {
+double likeliest_shared_error(const std::vector<double>& errors, const std::vector<double>& spreads,
+                              double sigma, const Law& law) {
   constexpr int most = 30;
   struct Point {
     double c, slope = 0.0, curvature, information;

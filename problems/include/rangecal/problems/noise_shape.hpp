@@ -77,6 +77,8 @@ struct OneSidedDensity {
 };
 /// True if an end at L cuts next to nothing off of the normal of mean x: then all but the division is as without it.
 bool ends_out_of_reach(double x, double end);
+/// 1 - exp(-L / lambda), what of the exponential part lies before an end at L.
+double share_before_end(double lambda, double end);
 OneSidedDensity one_sided_density(double lambda, double z,
                                   double end = std::numeric_limits<double>::infinity());
 /// Its cumulative probability, with E = exp(-L / lambda) (by parts):

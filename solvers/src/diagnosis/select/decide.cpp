@@ -299,7 +299,7 @@ std::optional<Idle> least_idle(const Rows& rows, const Fit& fit, std::size_t kno
       each.size(),
       [&](std::size_t i) {
         const Model rest = without(fit.model, known + i);
-        each[i] = {known + i, refit(rows, rest, start_beside(rows, fit, rest), options)};
+        each[i] = {known + i, refit_beside(rows, fit, rest, options)};
       },
       jobs_at_once(rows.size()));
   std::erase_if(each,
@@ -347,7 +347,7 @@ std::vector<Candidate> others_of_its_size(const Rows& rows, const Hypotheses& ta
     const double gap = gap_to(likeliest, c);
     if (!curves.empty()) {
       if (gap > std::max(1.0, options.naming_gap_nats)) continue;
-      c.fit = refit(rows, names, start_beside(rows, fit, names), refit_options);
+      c.fit = refit_beside(rows, fit, names, refit_options);
       if (!c.fit.ok) continue;
       c.gain = baseline_nll - c.fit.nll;
     }
@@ -379,7 +379,7 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   names.insert(names.end(), named.model.begin(), named.model.end());
   Candidate answer = candidate_of(best, p.front(), result.baseline.nll);
   if (ids_of(names) != ids_of(best.fit.model)) {  // the names alone, and in their order
-    Fit alone = refit(rows, names, start_beside(rows, best.fit, names), refit_options);
+    Fit alone = refit_beside(rows, best.fit, names, refit_options);
     if (const Hypothesis* smaller = likeliest_of_these(table, names, known)) {
       // What was left out may have held the fit where it was: a curve of the spread, say, the level of the noise.
       Fit again =

@@ -632,7 +632,7 @@ class SetSearch {
     });
     if (rest.size() == here.fit.model.size())
       return fit_curve(rows_, battery.projector(), here.fit, q, options_);
-    const Fit base = refit(rows_, rest, start_beside(rows_, here.fit, rest), options_);
+    const Fit base = refit_beside(rows_, here.fit, rest, options_);
     if (!base.ok) return std::nullopt;
     const Projector projector(rows_, working_problem(rows_, base.model, base.state), base.state);
     return fit_curve(rows_, projector, base, q, options_);
