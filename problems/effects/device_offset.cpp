@@ -32,6 +32,7 @@ class DeviceOffset final : public Effect {
         .source = "antenna delays of ultra-wideband devices: Decawave APS014, 2018; zero points of lidars",
         .visible_by = "read the same distances with every device, labelled in the column landmark",
         .settled_by = "exchange the devices, or read one distance with each of them",
+        .sizes_alike = true,
         .parameters = offsets()};
     return value;
   }

@@ -151,6 +151,8 @@ ScoringSlopes Scoring::at(const Point& point) const {
     levels(i, alphas_) = 1.0;
   }
   add_slopes_of_effects(point, geometry, means, spreads);
+  if (working.rounding_share.size() > 0)  // stays as it is
+    spreads -= working.rounding_share.asDiagonal() * (spreads + levels);
   const bool along = !working.serial.independent();
   if (tails_ && along)
     return slopes_of(point,
@@ -275,11 +277,12 @@ bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& s
                        const RefitOptions& options) {
   const Dependence dependence = dependence_of(model);
   const bool along = !rows.sequence.empty();
+  const bool alone = static_cast<std::size_t>(rows.cell_count) == rows.size();  // every reading in its cell
   const bool exact = std::all_of(rows.problem.stops.begin(), rows.problem.stops.end(),
                                  [](const StopPrior& stop) { return stop.sigma_xy_m == 0.0; });
   const bool dependent = dependence.range_correlation != 0.0;
   return (has_tails(model) || (along && dependent)) && rows.pairs && exact && !rows.alpha_prior &&
-         has_sigma(state.noise.law) && !has_grid(model) && dependence.range_cell_sigma_m == 0.0 &&
+         has_sigma(state.noise.law) && (alone || !has_grid(model)) && dependence.range_cell_sigma_m == 0.0 &&
          (along || !dependent) && !(options.held.alpha && options.held.sigmas);
 }
 

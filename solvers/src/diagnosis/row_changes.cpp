@@ -20,6 +20,7 @@ void add_grid(const Rows& rows, const CellGeometry& geometry, const ActiveEffect
     const int begin = rows.cell_begin[cell], count = rows.cell_begin[cell + 1] - begin;
     const double spread = sigma * std::exp(0.5 * log_variance[begin]);
     cell_rounding = rounding_variance(step, spread);
+    if (count == 1) cell_rounding = {0.0, cell_rounding.shared + cell_rounding.own};  // with nobody
     log_variance.segment(begin, count).array() += std::log1p(cell_rounding.own / (spread * spread));
   };
   for (int c = 0; c < rows.cell_count; ++c) {

@@ -293,6 +293,14 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   // m of every row: what the effects do to its variance, and the weight of a tail at its residual.
   Eigen::ArrayXd range_m = changes.range_log_variance.array().exp(),
                  bearing_m = changes.bearing_log_variance.array().exp();
+  if (!changes.rounding.range.empty() && rows.cell_count == n) {
+    working.rounding_share.resize(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)]);
+      working.rounding_share[i] =
+          changes.rounding.range[cell].own / (std::pow(geometry.spread[cell], 2) * range_m[i]);
+    }
+  }
   for (Eigen::Index i = 0; i < n; ++i) {
     const int cell = rows.cell[i];
     const double f = geometry.f[cell];

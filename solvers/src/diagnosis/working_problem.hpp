@@ -27,6 +27,9 @@ struct WorkingProblem : WorkingCells {
   /// What a tail's law, given its residual, expects a row's extra error to be [m], which `range` is less, and its variance
   /// in units of the spread's square, of a prediction's along a sequence; empty without tails.
   Eigen::VectorXd tail_shift, tail_square;
+  /// What rounding adds to the variance of the range of a row that is alone in its cell, as a part of that variance without its tails;
+  /// empty without a grid.
+  Eigen::VectorXd rounding_share;
   /// What effects add to ln s^2 of the range of a row that has a tail; empty without tails.
   Eigen::VectorXd range_log_variance;
   /// What is taken off a row's error before the law of its tail applies [m]: the likeliest error that its cell shares, or along a

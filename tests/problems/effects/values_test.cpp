@@ -48,7 +48,7 @@ std::vector<Case> cases() {
       {"covariate_drift:intensity", {0.003, 0.001, 0.002, 100.0, 10.0}, {.range = 0.016}},
       {"device_offset", {0.012, 0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, {.range = 0.012}},  // landmark 1
       // a = 30 degrees: 0.01 sin a + 0.02 cos 2 a + 0.03 cos 3 a + 0.04 sin 3 a = 0.005 + 0.01 + 0 + 0.04
-      {"antenna_pattern:elevation_rad", {0.0, 0.01, 0.02, 0.0, 0.03, 0.04}, {.range = 0.055}},
+      {"antenna_pattern:elevation_rad", {0.0, 0.01, 0.02, 0.0, 0.03, 0.04, 0, 0, 0, 0}, {.range = 0.055}},
       {"range_saturation", {0.4, 2.0 / half}, {.range = 0.2}},  // d / D = ln 2: half of it
       {"laser_pointing", {0.002}, {.range = 0.008}},            // 0.002 * 4
       {"lens_distortion", {0.002}, {.range = 0.001}},           // 0.002 / 2
@@ -270,7 +270,7 @@ TEST(EffectValues, AntennaPatternIsOfDirectionsOrOfAColumn) {
   const Effect &own = *find_effect("antenna_pattern"),
                &column = *find_effect("antenna_pattern:elevation_rad");
   // 0.01 cos b + 0.02 sin b + 0.03 cos 2 b + 0.04 cos 3 b = 0.005 + 0.01732050808 - 0.015 - 0.04
-  const double p[] = {0.01, 0.02, 0.03, 0.0, 0.04, 0.0};
+  const double p[10] = {0.01, 0.02, 0.03, 0.0, 0.04};
   EXPECT_NEAR(own.reading(at, p).range, -0.0326794919, 1e-10);
   EXPECT_EQ(own.missing(context), "");
   EXPECT_NE(own.missing(example_context()), "") << "the places of landmarks follow their directions";
@@ -278,6 +278,15 @@ TEST(EffectValues, AntennaPatternIsOfDirectionsOrOfAColumn) {
   const std::vector<const Effect*> both = effects_of(context);
   EXPECT_EQ(std::count(both.begin(), both.end(), &own), 1);
   EXPECT_EQ(std::count(both.begin(), both.end(), &column), 1);
+  const auto held = [&](const Effect& effect) {  // harmonics beyond what the directions tell apart
+    int count = 0;
+    for (std::size_t j = 0; j < 10; ++j) count += effect.bounds(context, j).second == 0.0 ? 1 : 0;
+    return count / 2;
+  };
+  EXPECT_EQ(held(own), 0);
+  context.largest_bearing_rad = 1.6;  // 183 degrees
+  EXPECT_EQ(held(own), 2);
+  EXPECT_EQ(own.reported(context, p).size(), 6u);
   for (const double narrow : {0.0, 1.5}) {
     context.largest_bearing_rad = narrow;
     EXPECT_NE(own.missing(context), "") << narrow;
@@ -295,7 +304,7 @@ TEST(EffectValues, AntennaPatternHoldsWhatALeverLeaves) {
   // q^2 / 2 D = 2.5e-5 m at 2 m.
   const EffectContext context = effects_testing::example_of_pairs();
   ReadingView<double> at = example_reading(context);
-  const double q = 0.01, p[] = {-q, 0.0, 0.0, 0.0, 0.0, 0.0};
+  const double q = 0.01, p[10] = {-q};
   for (const double b : {-2.0, 0.3, 1.4}) {
     at.bearing = b;
     const double shorter = std::hypot(2.0 * std::cos(b) - q, 2.0 * std::sin(b)) - 2.0;

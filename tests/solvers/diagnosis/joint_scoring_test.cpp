@@ -43,12 +43,13 @@ Recording late_and_warm(double late, const std::string& name) {
 /// alpha_0, alpha_1, alpha_2, a [m/K], s [1/K], share, mean of the late ones [m], ln sigma.
 using Parameters = std::array<double, 8>;
 
-/// NLL of the readings [nats], ln((1 - p) N(e; 0, s^2) + p EMG(e; s, tau)) each.
-double nll_of(const Recording& recording, double reference_c, const Parameters& x) {
+/// NLL of the readings [nats], rounded to steps of that variance / 12, ln((1 - p) N(e; 0, s^2) + p EMG(e; s, tau)) each.
+double nll_of(const Recording& recording, double reference_c, const Parameters& x, double step_m = 0.0) {
   double sum = 0.0;
   const Pairs& pairs = recording.pairs;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double d = pairs.true_m[i], f = x[0] + d * (x[1] + d * x[2]), s = std::exp(x[7]) * f * f;
+    const double d = pairs.true_m[i], f = x[0] + d * (x[1] + d * x[2]),
+                 s = std::sqrt(std::exp(2.0 * x[7]) * std::pow(f, 4) + step_m * step_m / 12.0);
     const double warmer = pairs.covariates.at("temperature_c")[i] - reference_c;
     const double e = pairs.reading_m[i] - f - (x[3] + x[4] * d) * warmer, tau = x[6];
     const double body = std::exp(-0.5 * e * e / (s * s) - half_log_two_pi) / s;
@@ -81,6 +82,37 @@ TEST(JointScoring, EndsWhereTheScoreIsZero) {
   const std::vector<double> steps{1e-4, 1e-4, 1e-5, 1e-6, 1e-6, 1e-4, 1e-4};  // ln sigma is REML's
   testing::expect_optimum([&](const Parameters& x) { return nll_of(recording, of_warm[2], x); }, found, steps,
                           0.1);
+}
+
+/// Of readings on a grid each with a distance of its own.
+TEST(JointScoring, EndsWhereTheScoreIsZeroBesideAGrid) {
+  constexpr double step_m = 0.02;
+  Recording recording = late_and_warm(0.15, "JointScoring.Grid");
+  for (std::size_t i = 0; i < recording.pairs.size(); ++i) {
+    recording.pairs.true_m[i] += 1e-4 * static_cast<double>(i % 2);  // no repeats
+    recording.pairs.reading_m[i] = step_m * std::round(recording.pairs.reading_m[i] / step_m);
+  }
+  const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
+  ASSERT_EQ(static_cast<std::size_t>(rows.cell_count), rows.size());
+  const Effect *warm = find_effect("temperature_coefficient:temperature_c"),
+               *late = find_effect("late_return"), *grid = find_effect("quantisation");
+  ASSERT_TRUE(warm && late && grid);
+  const Model start{{grid, Eigen::Vector2d(0.0, step_m)},
+                    {warm, warm->start_grid(rows.context).front()},
+                    {late, Eigen::Vector2d(0.04, 0.5)}};
+  const JointState near =
+      testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), NoiseLaw::f_squared, 0.01);
+  ASSERT_TRUE(is_scored_jointly(rows, start, near, {}));
+  const Fit fit = refit(rows, start, near, {});
+  ASSERT_TRUE(fit.ok);
+  const Eigen::VectorXd &of_warm = fit.model[1].parameters, &of_late = fit.model[2].parameters;
+  const Parameters found{
+      fit.state.alpha[0], fit.state.alpha[1], fit.state.alpha[2], of_warm[0],
+      of_warm[1],         of_late[0],         of_late[1],         std::log(fit.state.noise.parameters[0])};
+  EXPECT_NEAR(fit.nll, nll_of(recording, of_warm[2], found, step_m), 0.02);
+  const std::vector<double> steps{1e-4, 1e-4, 1e-5, 1e-6, 1e-6, 1e-4, 1e-4};  // ln sigma is REML's
+  testing::expect_optimum([&](const Parameters& x) { return nll_of(recording, of_warm[2], x, step_m); },
+                          found, steps, 0.1);
 }
 
 /// NLL of errors that wander [nats], the rows in their order in time: x = alpha_0 .. alpha_2, rho, q, ln sigma. With V_ij = q rho^|i-j| off its

@@ -4,8 +4,11 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
+#include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <numbers>
 #include <set>
 
 #include "diagnosis/bookkeeping.hpp"
@@ -165,6 +168,25 @@ double log_prior_density(const EffectParameter& parameter, double low, double hi
   return spans_decades(low, high) ? -std::log(value * std::log(high / low)) : -std::log(high - low);
 }
 
+double log_prior_density(const Rows& rows, const Effect& effect, const std::vector<int>& indices,
+                         const Eigen::VectorXd& parameters, const SelectionPriors& priors) {
+  double density = 0.0, squares = 0.0, alike = 0.0;
+  for (const int j : indices) {
+    const EffectParameter& parameter = effect.info().parameters[static_cast<std::size_t>(j)];
+    if (effect.info().sizes_alike && parameter.linear) {
+      squares += std::pow(parameters[j] / size_of(parameter), 2);
+      density -= std::log(size_of(parameter));
+      alike += 1.0;
+      continue;
+    }
+    const auto [low, high] = effect.bounds(rows.context, static_cast<std::size_t>(j));
+    density += log_prior_density(parameter, low, high, parameters[j], priors);
+  }
+  const double dof = priors.size_dof;
+  return density + boost::math::lgamma(0.5 * (dof + alike)) - boost::math::lgamma(0.5 * dof) -
+         0.5 * alike * std::log(dof * std::numbers::pi) - 0.5 * (dof + alike) * std::log1p(squares / dof);
+}
+
 double prior_width(const EffectParameter& parameter, double low, double high, double value) {
   if (!parameter.linear && std::isfinite(high - low))
     return (spans_decades(low, high) ? value * std::log(high / low) : high - low) / std::sqrt(12.0);
@@ -212,7 +234,8 @@ double log_calibration_volume(const Rows& rows, const Fit& fit) {
 double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known, const RefitOptions& options,
                             const SelectionPriors& priors) {
   double volume = 0.0;
-  std::vector<Eigen::Index> joint, curve;  // into fit.free: all that have a covariance; of curves
+  std::vector<Eigen::Index> joint, curve;    // into fit.free: all that have a covariance; of curves
+  std::map<int, std::vector<int>> of_names;  // their parameters that have a covariance
   std::set<std::pair<int, int>> free;
   for (std::size_t a = 0; a < fit.free.size(); ++a) {
     const FreeParameter& p = fit.free[a];
@@ -225,11 +248,12 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
     joint.push_back(static_cast<Eigen::Index>(a));
     if (is_generic(*fit.model[static_cast<std::size_t>(p.effect)].effect))
       curve.push_back(static_cast<Eigen::Index>(a));
-    else {
-      const auto [low, high] = bounds_of(rows, fit.model, p);
-      volume += log_prior_density(info_of(fit.model, p), low, high, fit.model[p.effect].parameters[p.index],
-                                  priors);
-    }
+    else
+      of_names[p.effect].push_back(p.index);
+  }
+  for (const auto& [e, indices] : of_names) {
+    const ActiveEffect& name = fit.model[static_cast<std::size_t>(e)];
+    volume += log_prior_density(rows, *name.effect, indices, name.parameters, priors);
   }
   for (std::size_t e = known; e < fit.model.size(); ++e) {
     const auto& parameters = fit.model[e].effect->info().parameters;

@@ -28,6 +28,10 @@ double log_prior_of_one_more_name(const MemberCounts& counts, const SelectionPri
 /// uniform within its bounds, or in its logarithm where these are positive and lie a hundredfold apart.
 double log_prior_density(const EffectParameter& parameter, double low, double high, double value,
                          const SelectionPriors& priors);
+/// That of some parameters of a name together, of all of which `parameters` holds values: the product; of sizes that are alike
+/// Student's t of as many dimensions, whose heavy tail is that of what they have in common.
+double log_prior_density(const Rows& rows, const Effect& effect, const std::vector<int>& indices,
+                         const Eigen::VectorXd& parameters, const SelectionPriors& priors);
 /// How wide that prior is about `value`: no parameter is less certain.
 double prior_width(const EffectParameter& parameter, double low, double high, double value);
 /// The same of a parameter of a model.
@@ -39,8 +43,8 @@ double prior_width(const Rows& rows, const Model& model, const FreeParameter& p)
 ///   ln of  (2 pi)^(k/2) |C|^(1/2) prod_a p_a(theta_a) x N(c; 0, S + tau^2 I),
 ///
 ///   C    covariance of the k parameters that move means and variances, the calibration integrated out
-///   p_a  prior of a parameter of a name, by `log_prior_density`; one of as many as its grid has for one that is chosen from a
-///        list
+///   p_a  prior of a parameter of a name, by `log_prior_density`, of those that are alike together; one of as many as its grid has
+///        for one that is chosen from a list
 ///   c, S parameters of a curve without a name and their part of C; tau its size, the likeliest; ln of the
 ///        shapes and sizes that it was chosen from comes off
 ///

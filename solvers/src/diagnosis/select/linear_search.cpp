@@ -289,13 +289,18 @@ class LinearSearch {
       for (const int j : one.parameters) {
         const EffectParameter& info = one.effect->info().parameters[static_cast<std::size_t>(j)];
         const auto [low, high] = one.effect->bounds(rows_.context, static_cast<std::size_t>(j));
-        volume += one.tau > 0.0 ? -half_log_two_pi - std::log(one.tau)
-                                : log_prior_density(info, low, high, theta[at], priors_);
         wide[at] = one.tau > 0.0 ? 1e3 * one.tau : prior_width(info, low, high, theta[at]);
-        active.parameters[j] = std::clamp(theta[at], low, high);
+        active.parameters[j] = theta[at];
         ++at;
       }
+      volume += one.tau > 0.0
+                    ? -static_cast<double>(one.parameters.size()) * (half_log_two_pi + std::log(one.tau))
+                    : log_prior_density(rows_, *one.effect, one.parameters, active.parameters, priors_);
       volume -= std::log(one.choices);
+      for (const int j : one.parameters) {
+        const auto [low, high] = one.effect->bounds(rows_.context, static_cast<std::size_t>(j));
+        active.parameters[j] = std::clamp(active.parameters[j], low, high);
+      }
       set.model.push_back(std::move(active));
     }
     if (k > 0) {

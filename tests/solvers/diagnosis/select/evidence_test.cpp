@@ -65,6 +65,31 @@ TEST_F(Evidence, PriorsOfPlacesAndTimesIntegrateToOne) {
   EXPECT_NEAR(integral("cyclic_error", 2), 1.0, 1e-9) << "2 to 140: uniform";
 }
 
+TEST_F(Evidence, SizesThatAreAlikeHaveOneScale) {
+  // Student's t of two degrees of freedom as a mixture: theta_i ~ N(0, v typical^2), all of one v of density exp(-1 / v) / v^2
+  const Effect& offsets = *find_effect("device_offset");
+  ASSERT_TRUE(offsets.info().sizes_alike);
+  const double typical = offsets.info().parameters.front().typical;
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(12);
+  values.head(3) = typical * Eigen::Vector3d(8.0, -6.0, 10.0);
+  const double mixed = gauss_kronrod<double, 61>::integrate(
+      [&](double u) {  // ln v
+        const double v = std::exp(u);
+        double density = std::exp(-1.0 / v) / v;
+        for (int i = 0; i < 3; ++i)
+          density *= boost::math::pdf(boost::math::normal(0.0, typical * std::sqrt(v)), values[i]);
+        return density;
+      },
+      -8.0, 20.0, 15, 1e-12);
+  const auto density_of = [&](const std::vector<int>& indices) {
+    return log_prior_density(seed().rows, offsets, indices, values, priors);
+  };
+  EXPECT_NEAR(density_of({0, 1, 2}), std::log(mixed), 1e-8);
+  EXPECT_NEAR(density_of({0}),
+              log_prior_density(offsets.info().parameters[0], -10.0, 10.0, values[0], priors), 1e-12)
+      << "of one it is that of a size of its own";
+}
+
 TEST(CalibrationVolume, GrowsByLnTwoForEveryCoefficientWhereTheNoiseIsTwiceAsLarge) {
   const testing::SeedFit pairs(testing::depth_camera(300, 0.0, 0.0, "CalibrationVolume"));
   Fit twice = pairs.fit;

@@ -88,6 +88,8 @@ struct EffectInfo {
   SettledOfPairs settled_of_pairs = {};
   std::vector<std::string> switched_off_by = {};  ///< codes of experiments without it: lights off, say
   bool over_the_recording = false;  ///< its size is the change from the first reading to the last
+  /// Its linear parameters are of one size, in units of what is typical of each: where one is far from that, all may be.
+  bool sizes_alike = false;
   /// Effects, and `heading_zero` of the robot, that no reading of this sensor and robot can tell from it in any design.
   std::vector<std::string> exact_twins = {};
   std::vector<EffectParameter> parameters;
