@@ -6,7 +6,8 @@
 namespace rangecal::diagnosis {
 
 /// True of models with tails, or with errors that depend on one another along a sequence, of readings at exactly known
-/// distances whose errors are independent otherwise: then every reading's slope of the likelihood is known.
+/// distances whose errors are independent otherwise, on a grid if each is alone in its cell: then every reading's slope of the
+/// likelihood is known.
 bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& state,
                        const RefitOptions& options);
 

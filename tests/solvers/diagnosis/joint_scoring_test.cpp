@@ -43,7 +43,7 @@ Recording late_and_warm(double late, const std::string& name) {
 /// alpha_0, alpha_1, alpha_2, a [m/K], s [1/K], share, mean of the late ones [m], ln sigma.
 using Parameters = std::array<double, 8>;
 
-/// NLL of the readings [nats], rounded to steps of that variance / 12, ln((1 - p) N(e; 0, s^2) + p EMG(e; s, tau)) each.
+/// NLL of the readings [nats], whose rounding to steps adds step^2 / 12 to s^2, ln((1 - p) N(e; 0, s^2) + p EMG(e; s, tau)) each.
 double nll_of(const Recording& recording, double reference_c, const Parameters& x, double step_m = 0.0) {
   double sum = 0.0;
   const Pairs& pairs = recording.pairs;
@@ -60,6 +60,20 @@ double nll_of(const Recording& recording, double reference_c, const Parameters& 
   return sum;
 }
 
+/// Expects a fit of warmth and late readings, the last two of its model, to have that NLL, within
+/// `above`, and to be an optimum of it.
+void expect_likeliest(const Recording& recording, const Fit& fit, double above, double step_m = 0.0) {
+  ASSERT_TRUE(fit.ok);
+  const Eigen::VectorXd &of_warm = fit.model.rbegin()[1].parameters, &of_late = fit.model.back().parameters;
+  const Parameters found{
+      fit.state.alpha[0], fit.state.alpha[1], fit.state.alpha[2], of_warm[0],
+      of_warm[1],         of_late[0],         of_late[1],         std::log(fit.state.noise.parameters[0])};
+  const auto nll = [&](const Parameters& x) { return nll_of(recording, of_warm[2], x, step_m); };
+  EXPECT_NEAR(fit.nll, nll(found), above);  // tails' own value, an upper bound at the last weights
+  const std::vector<double> steps{1e-4, 1e-4, 1e-5, 1e-6, 1e-6, 1e-4, 1e-4};  // ln sigma is REML's
+  testing::expect_optimum(nll, found, steps, 0.1);
+}
+
 TEST(JointScoring, EndsWhereTheScoreIsZero) {
   const Recording recording = late_and_warm(0.15, "JointScoring.Ends");
   const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
@@ -71,17 +85,7 @@ TEST(JointScoring, EndsWhereTheScoreIsZero) {
   const JointState near =
       testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), NoiseLaw::f_squared, 0.01);
   ASSERT_TRUE(is_scored_jointly(rows, start, near, {}));
-  const Fit fit = refit(rows, start, near, {});
-  ASSERT_TRUE(fit.ok);
-  const Eigen::VectorXd &of_warm = fit.model[0].parameters, &of_late = fit.model[1].parameters;
-  const Parameters found{
-      fit.state.alpha[0], fit.state.alpha[1], fit.state.alpha[2], of_warm[0],
-      of_warm[1],         of_late[0],         of_late[1],         std::log(fit.state.noise.parameters[0])};
-  EXPECT_NEAR(fit.nll, nll_of(recording, of_warm[2], found),
-              0.01);  // tails' own value, an upper bound at the last weights
-  const std::vector<double> steps{1e-4, 1e-4, 1e-5, 1e-6, 1e-6, 1e-4, 1e-4};  // ln sigma is REML's
-  testing::expect_optimum([&](const Parameters& x) { return nll_of(recording, of_warm[2], x); }, found, steps,
-                          0.1);
+  expect_likeliest(recording, refit(rows, start, near, {}), 0.01);
 }
 
 /// Of readings on a grid each with a distance of its own.
@@ -103,16 +107,7 @@ TEST(JointScoring, EndsWhereTheScoreIsZeroBesideAGrid) {
   const JointState near =
       testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), NoiseLaw::f_squared, 0.01);
   ASSERT_TRUE(is_scored_jointly(rows, start, near, {}));
-  const Fit fit = refit(rows, start, near, {});
-  ASSERT_TRUE(fit.ok);
-  const Eigen::VectorXd &of_warm = fit.model[1].parameters, &of_late = fit.model[2].parameters;
-  const Parameters found{
-      fit.state.alpha[0], fit.state.alpha[1], fit.state.alpha[2], of_warm[0],
-      of_warm[1],         of_late[0],         of_late[1],         std::log(fit.state.noise.parameters[0])};
-  EXPECT_NEAR(fit.nll, nll_of(recording, of_warm[2], found, step_m), 0.02);
-  const std::vector<double> steps{1e-4, 1e-4, 1e-5, 1e-6, 1e-6, 1e-4, 1e-4};  // ln sigma is REML's
-  testing::expect_optimum([&](const Parameters& x) { return nll_of(recording, of_warm[2], x, step_m); },
-                          found, steps, 0.1);
+  expect_likeliest(recording, refit(rows, start, near, {}), 0.02, step_m);
 }
 
 /// NLL of errors that wander [nats], the rows in their order in time: x = alpha_0 .. alpha_2, rho, q, ln sigma. With V_ij = q rho^|i-j| off its
