@@ -166,6 +166,17 @@ Carrier carrier_of(const std::string& principle) {
   return Carrier::not_known;
 }
 
+Carrier carrier_of(const Recording& recording) {
+  for (const std::string& words : {recording.sensor.principle, recording.sensor.name})
+    if (const Carrier carrier = carrier_of(words); carrier != Carrier::not_known) return carrier;
+  const Covariates& columns =
+      recording.kind == RecordingKind::pairs ? recording.pairs.covariates : recording.readings.covariates;
+  const bool reads_power = std::any_of(columns.begin(), columns.end(), [&](const auto& named) {
+    return column_of(recording, named.first).unit == "dBm";
+  });
+  return reads_power ? Carrier::radio : Carrier::not_known;
+}
+
 std::vector<const Effect*> effects_of(const EffectContext& context) {
   std::vector<const Effect*> effects;
   for (const Effect* effect : known_effects()) {

@@ -241,9 +241,9 @@ void fill_context(std::span<const Recording> recordings, Rows& rows) {
   EffectContext& context = rows.context;
   context.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
   context.reads_bearings = rows.problem.reads_bearings;
-  context.carrier = carrier_of(recordings.front().sensor.principle);
+  context.carrier = carrier_of(recordings.front());
   for (const Recording& recording : recordings)
-    if (carrier_of(recording.sensor.principle) != context.carrier) context.carrier = Carrier::not_known;
+    if (carrier_of(recording) != context.carrier) context.carrier = Carrier::not_known;
   context.stop_count = rows.problem.stop_count();
   for (const Recording& recording : recordings)
     for (const Landmark& landmark : recording.landmarks) {

@@ -388,7 +388,7 @@ TEST(Effects, ASensorHasThoseOfWhatItMeasuresWith) {
   EXPECT_EQ(carrier_of("triangulation"), Carrier::light);
   EXPECT_EQ(carrier_of("lidar, phase shift"), Carrier::light);
   EXPECT_EQ(carrier_of("phase"), Carrier::not_known);
-  EXPECT_EQ(carrier_of(""), Carrier::not_known);
+  EXPECT_EQ(carrier_of(std::string()), Carrier::not_known);
   EffectContext context = effects_testing::example_context();
   const auto has = [&](Carrier carrier, const char* id) {
     context.carrier = carrier;
@@ -402,6 +402,21 @@ TEST(Effects, ASensorHasThoseOfWhatItMeasuresWith) {
     EXPECT_TRUE(has(carrier, "near_regime"));
     EXPECT_TRUE(has(carrier, "late_return"));
   }
+}
+
+TEST(Effects, WhereNoPrincipleIsStatedTheNameOrAReceivedPowerSaysWhatASensorMeasuresWith) {
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  EXPECT_EQ(carrier_of(recording), Carrier::not_known);
+  recording.pairs.covariates["temperature_c"] = {20.0};
+  recording.pairs.covariates["snr_db"] = {10.0};
+  EXPECT_EQ(carrier_of(recording), Carrier::not_known);
+  recording.pairs.covariates["rssi_dbm"] = {-80.0};
+  EXPECT_EQ(carrier_of(recording), Carrier::radio);
+  recording.sensor.name = "barcode-camera";
+  EXPECT_EQ(carrier_of(recording), Carrier::light);
+  recording.sensor.principle = "sonar";
+  EXPECT_EQ(carrier_of(recording), Carrier::sound);
 }
 
 }  // namespace

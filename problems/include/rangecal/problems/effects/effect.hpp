@@ -50,6 +50,9 @@ double difference_step(const EffectParameter& parameter, double value);
 enum class Carrier { not_known, light, sound, radio };
 /// By the words of a recording's `principle`: camera, triangulation, lidar, laser, ...; sonar, ultrasound, ...; radio, uwb, radar.
 Carrier carrier_of(const std::string& principle);
+/// What the sensor's principle says; where that says nothing, what its name says; where neither does, radio if a column is a
+/// received power in dBm.
+Carrier carrier_of(const Recording& recording);
 
 /// What settles, of readings at known distances, whether an effect is there.
 struct SettledOfPairs {
@@ -106,7 +109,7 @@ struct ColumnSummary {
 struct EffectContext {
   RecordingKind kind = RecordingKind::landmarks;
   bool reads_bearings = true;            ///< false of landmarks by ranges alone
-  Carrier carrier = Carrier::not_known;  ///< of the sensor, where its principle is stated and known
+  Carrier carrier = Carrier::not_known;  ///< of the sensor, where its recording says it
   int stop_count = 0, landmark_count = 0;
   std::vector<std::string> landmark_labels;
   std::vector<double> landmark_radius_m;
