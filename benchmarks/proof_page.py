@@ -24,9 +24,20 @@ SOURCES = " ".join(["core problems solvers apps/proof !core/src/io !solvers/src/
                     "!solvers/src/diagnosis/diagnosis_json.cpp"]
                    + [f"!solvers/{part}/{name}" for name in NO_PART for part in ("src", "include/rangecal/solvers")])
 LINE = re.compile(r"^\S.*?\S\s{2,}\d+\s+\S+(?: %)?\s.*?(?:NOT MET|met)$")
-LIMIT = re.compile(r"^(?P<what>.*?)\s{2,}\d+\s+(?P<figure>\S+)(?: %)?\s.*?[<>]= (?P<limit>\S+).*?(?P<missed>NOT )?(?:MET|met)$")
+LIMIT = re.compile(r"^(?P<what>.*?)(?P<gap>\s{2,})(?P<rest>\d+\s+(?P<figure>\S+)(?: %)?\s.*?"
+                   r"(?:[<>]= (?P<limit>\S+)|(?P<held>95) % inside).*?(?P<missed>NOT )?(?:MET|met))$")
+ASKS_FOR_NOTHING = re.compile(r">= 0 %|<= 100 %")
 README = ROOT / "README.md"
-BY_ROW = "several causes: names", "simulation, 3 causes: of nothing", "95 % intervals", "1500 readings"  # README says them in words
+IN_README = {  # lines that need other words where their row does not stand above them
+    "several causes: names of nothing concealed (names)": "{row}: names of nothing (names)",
+    "95 % intervals cover (intervals)": "{row}: 95 % intervals hold",
+    "1500 readings: seconds, worst": "{row}: worst, seconds",
+    "1500 readings: seconds, median": "{row}: median, seconds",
+    "lambda 50: the same": "lambda 50: right name or twin set",
+    "lambda 100 or more: wrong single name": "{row}: wrong single name",
+    "experiment: shrinks to the truth": "experiment: leaves the truth alone",
+    "twins that show: the set": "exact twins that show: all in one set",
+}
 README_SHOWS = """2 causes beside an unknown one: wrong (names)|outside the catalogue: unexplained, located|formula 10 % off: right name
 2 causes: found (causes)|3 causes: found (causes)|3 causes: all, and nothing else|3 causes, outliers: found (causes)|5 causes: found (causes)
 5 causes: all, and nothing else|simulation, 3 causes: found (causes)|closed loop: no mismatch|lambda 100: right name or twin set
@@ -145,21 +156,28 @@ done
 
 def in_readme(text, rows, answers):
     """README with these figures: what was asked and not met, worst first, and after it the rows that README shows; in words the rest."""
-    judged = [(line, LIMIT.match(line)) for row in rows for line in row.lines]
-    shown = {line: match for line, match in judged if match and not match["what"].startswith(BY_ROW)}
-    short = {line: abs(float(m["limit"]) - float(m["figure"])) for line, m in shown.items() if m["missed"]}
-    lines = sorted(short, key=lambda line: (-short[line], line))
+    judged = []  # (line as README has it, what it matched, how far it is from what was asked)
+    for row in rows:
+        for line in row.lines:
+            match = LIMIT.match(line)
+            if not match or ASKS_FOR_NOTHING.search(line):
+                continue
+            if what := IN_README.get(match["what"]):
+                line = what.format(row=row.name).ljust(len(match["what"] + match["gap"])) + match["rest"]
+            judged.append((line, match, abs(float(match["limit"] or match["held"]) - float(match["figure"]))))
+    missed = sorted((j for j in judged if j[1]["missed"]), key=lambda j: (-j[2], j[0]))
+    met = []
     for what in README_SHOWS:  # of several rows the one nearest to its limit
-        met = {line: abs(float(m["limit"]) - float(m["figure"])) for line, m in shown.items() if m["what"] == what and not m["missed"]}
-        lines += sorted(met, key=lambda line: (met[line], line))[:1]
-    further = len(shown) - len(lines)
+        met += sorted((j for j in judged if j[1]["what"] == what and not j[1]["missed"]), key=lambda j: (j[2], j[0]))[:1]
+    further = len(judged) - len(missed) - len(met)
+    lines = [line for line, _, _ in missed + met]
     text = re.sub(rf"```\n{re.escape(HEAD)}.*?```", lambda _: "\n".join(["```", HEAD, *lines, "```"]), text, flags=re.S)
 
-    nothing = [float(m["figure"]) for _, m in judged if m and "of nothing concealed" in m["what"] and not m["what"].startswith("everyday")]
+    nothing = [float(m["figure"]) for _, m, _ in judged if "of nothing concealed" in m["what"] and not m["what"].startswith("everyday")]
 
     def took(row):
         seconds = [float(a["seconds"]) for a in answers if a["row"] == row]
-        return statistics.median(seconds), max(seconds), len(seconds)
+        return statistics.median_high(seconds), max(seconds), len(seconds)
 
     drawn_by = Counter(row.commit for row in rows).most_common()
     others = [f"{', '.join(f'`{row.name}`' for row in rows if row.commit == commit)} by {commit}" for commit, _ in drawn_by[1:]]
