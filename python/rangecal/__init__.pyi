@@ -298,6 +298,7 @@ class Diagnosis:
     final_effects: list[str]
     members: list[Member]
     evidence_omitted: Optional[float]
+    nearly_as_likely: list[str]
     twins: list[list[str]]
     unseen: list[Unseen]
     next_experiments: list[NextExperiment]

@@ -373,6 +373,8 @@ _DOCS = {
         What speaks for each name; empty where nothing was looked for.
     evidence_omitted : float or None
         Probability of sets of causes that were seen but not fitted.
+    nearly_as_likely : list of str
+        Where the likeliest set holds a curve without a name: the likeliest set of names alone, if its odds are no worse than one to twenty.
     twins : list of list of str
         What no reading of these recordings can tell apart.
     unseen : list of Unseen

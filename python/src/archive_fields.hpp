@@ -197,9 +197,9 @@ inline void archive_fields(python::Archive& a, Law& s) {
 }
 inline void archive_fields(python::Archive& a, Diagnosis& s) {
   auto& [verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects,
-         members, omitted, twins, unseen, next, notes, blocks, effective, laws, simulation] = s;
+         members, omitted, nearly, twins, unseen, next, notes, blocks, effective, laws, simulation] = s;
   a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, members,
-    omitted, twins, unseen, next, notes, blocks, effective, laws, simulation);
+    omitted, nearly, twins, unseen, next, notes, blocks, effective, laws, simulation);
 }
 inline void archive_fields(python::Archive& a, ReadingResidual& s) {
   auto& [recording, reading, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev,

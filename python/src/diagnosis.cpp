@@ -182,6 +182,7 @@ void bind_diagnosis(py::module_& module) {
       .def_readonly("final_effects", &Diagnosis::final_effects)
       .def_readonly("members", &Diagnosis::members)
       .def_readonly("evidence_omitted", &Diagnosis::evidence_omitted)
+      .def_readonly("nearly_as_likely", &Diagnosis::nearly_as_likely)
       .def_readonly("twins", &Diagnosis::twins)
       .def_readonly("unseen", &Diagnosis::unseen)
       .def_readonly("next_experiments", &Diagnosis::next_experiments)

@@ -196,7 +196,8 @@ std::string diagnosis_to_json(const Diagnosis& d) {
                    {"fit", fit(d.after)},
                    {"rest", rest(d)},
                    {"members", members(d)},
-                   {"evidence_omitted", number(d.evidence_omitted)}};
+                   {"evidence_omitted", number(d.evidence_omitted)},
+                   {"nearly_as_likely", plain(d.nearly_as_likely)}};
   json["twins"] = plain(d.twins);
   json["unseen"] = Json::array();
   for (const Unseen& u : d.unseen) {

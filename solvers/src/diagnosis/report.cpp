@@ -290,6 +290,7 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     fill_effects_range(rows, result.corrected);
   }
   result.evidence_omitted = found.evidence_omitted;
+  result.nearly_as_likely = found.nearly_as_likely;
   result.notes = found.known.notes;
   if (found.named()) {
     note_limits(rows, found.best.fit.model, result.notes);

@@ -28,6 +28,7 @@ struct SearchResult {
   Bookkeeping known;
   std::vector<Member> members;  ///< what speaks for each name of `best` that was searched for
   std::optional<double> evidence_omitted;
+  std::vector<std::string> nearly_as_likely;  ///< ids; see Diagnosis
 
   bool partly() const { return verdict == Verdict::partly_explained; }
   /// True if `best` names something.

@@ -140,6 +140,15 @@ std::string rivals_in_words(const std::vector<std::string>& answer,
   return fmt::format("{}", fmt::join(parts, ", or "));
 }
 
+/// What is said of a shape without a name: "that nothing in the catalogue accounts for", or which names do so nearly as well.
+std::string without_a_name(const Diagnosis& d) {
+  std::vector<std::string> names = d.nearly_as_likely;
+  std::erase_if(names, [&](const std::string& id) { return contains(d.final_effects, id); });
+  return names.empty() ? " that nothing in the catalogue accounts for"
+                       : fmt::format(", for which {} {} nearly as likely as a curve without a name",
+                                     listed(names), names.size() == 1 ? "is" : "are");
+}
+
 /// Names beside `generic`, and what they leave.
 std::string partly_explained(const Diagnosis& d) {
   std::vector<std::string> named;
@@ -152,8 +161,7 @@ std::string partly_explained(const Diagnosis& d) {
     return f.effects == std::vector<std::string>{"generic"};
   });
   if (left == d.location.end()) return text + "; what is left over has no name in the catalogue.";
-  return text + fmt::format("; left over is {}{} that nothing in the catalogue accounts for.",
-                            size_in_words(*left), along(*left));
+  return text + fmt::format("; left over is {}{}{}.", size_in_words(*left), along(*left), without_a_name(d));
 }
 
 }  // namespace
@@ -187,8 +195,8 @@ std::string verdict_sentence(const Diagnosis& d) {
       if (d.location.empty())
         return "Unexplained: the seed model does not fit, and nothing in the catalogue does better.";
       const Finding& f = d.location[0];
-      return "Unexplained: " + size_in_words(f) + along(f) +
-             " that nothing in the catalogue accounts for; look there, and treat readings there with care.";
+      return "Unexplained: " + size_in_words(f) + along(f) + without_a_name(d) +
+             "; look there, and treat readings there with care.";
     }
     case Verdict::unobservable: {
       const std::string& open = d.corrected.weakest_direction;

@@ -103,6 +103,12 @@ TEST(DiagnosisJson, WhatHasNoNameIsTheRest) {
       "log_evidence_without":-20.0,"heldout_nll_without":null}])"));
   EXPECT_TRUE(json.at("final").at("evidence_omitted").is_null());
   EXPECT_THAT(verdict_sentence(d), HasSubstr("In part explained by tilt"));
+  EXPECT_THAT(verdict_sentence(d), HasSubstr(" that nothing in the catalogue accounts for."));
+  d.nearly_as_likely = {"settling", "tilt", "warmup_drift"};
+  EXPECT_THAT(
+      verdict_sentence(d),
+      HasSubstr(", for which settling and warmup_drift are nearly as likely as a curve without a name."));
+  EXPECT_EQ(Json::parse(diagnosis_to_json(d)).at("final").at("nearly_as_likely").size(), 3u);
 }
 
 TEST(Probabilities, OfAllThatWasFittedAddUpToOneAtMost) {

@@ -126,6 +126,16 @@ double least_margin_as_it_stands(const ActiveEffect& name, double worth, const S
   return worth * (Sides::matter({name}) ? priors.jump_over_curve : -priors.formula_misses);
 }
 
+/// The likeliest set of names alone where the likeliest set has a curve without a name, if the odds are no worse than one to twenty; else
+/// null.
+const Hypothesis* names_nearly_as_likely(const Hypotheses& table) {
+  const double least = table.front()->log_posterior - std::log(20.0);
+  if (!has_generic(table.front()->fit.model)) return nullptr;
+  for (const auto& h : table)  // the likeliest first
+    if (h->log_posterior >= least && !has_generic(h->fit.model)) return h.get();
+  return nullptr;
+}
+
 /// Probability of sets that the linearised problem makes likely and that were not fitted, over these and those that were.
 double omitted_probability(const Hypotheses& table, std::size_t known) {
   std::set<std::vector<std::string>> fitted;
@@ -373,6 +383,8 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     tell(fmt::format("search: {} sets were fitted, the likeliest is {} (probability {:.2f})", table.size(),
                      set_in_words(member_names(best.fit.model, known)), p.front()));
   result.verdict = Verdict::unexplained;
+  if (const Hypothesis* names = names_nearly_as_likely(table))
+    result.nearly_as_likely = member_names(names->fit.model, known);
 
   Named named = named_of(rows, table, p, known, options, priors, result.baseline.state);
   Model names(root.model.begin(), root.model.begin() + static_cast<std::ptrdiff_t>(known));

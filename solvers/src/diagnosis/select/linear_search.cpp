@@ -20,6 +20,7 @@ constexpr int most_looked_at = 40;     ///< sets
 constexpr std::size_t branches = 8;    ///< likeliest sets that one move makes of a set
 constexpr int most_for_pairs = 2;      ///< sets to which two names are added at once
 constexpr double hidden = 3.0;         ///< nats that these gain together beyond what they gain alone
+constexpr int most_split = 4;          ///< sets whose curves give way to two names at once
 
 using Key = std::vector<std::string>;  ///< member names, sorted
 
@@ -60,7 +61,7 @@ class LinearSearch {
       }
       if (!next || (of_next < best - linear_window && looked_at > 1)) break;
       looked_.insert(*next);
-      look_at(sets_.at(*next).blocks, looked_at < most_for_pairs);
+      look_at(sets_.at(*next).blocks, looked_at < most_for_pairs, looked_at < most_split);
     }
     std::vector<LinearSet> out;
     for (auto& [key, set] : sets_) out.push_back(std::move(set));
@@ -140,24 +141,28 @@ class LinearSearch {
     }
   }
 
-  /// Adds to the set, drops from it, and exchanges each of its members.
-  void look_at(const std::vector<int>& blocks, bool pairs) {
-    add_to(blocks, pairs);
+  /// Pairs of names that are added at once: none, those of which one may hide the other, or all.
+  enum class Pairs { none, hidden, all };
+
+  /// Adds to the set, drops from it, and exchanges each of its members, a curve also for two names (`splits`): it may be what both do
+  /// together, and with one of them alone the set may be far from the best.
+  void look_at(const std::vector<int>& blocks, bool pairs, bool splits) {
+    add_to(blocks, pairs ? Pairs::hidden : Pairs::none);
     for (std::size_t i = 0; i < blocks.size(); ++i) {
       std::vector<int> rest = blocks;
       rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
       keep(evaluated(rest));
-      add_to(rest);
+      add_to(rest, splits && is_curve(blocks[i]) ? Pairs::all : Pairs::none);
     }
   }
 
   /// Per member its best block beside a set: gain [nats], of a curve less the cost of its size and choice; number of the block.
   using Additions = std::map<std::string, std::pair<double, int>>;
 
-  /// Adds the pairs of names that gain most together, more than `hidden` beyond the sum of their single gains: one may hide the other.
+  /// Adds the pairs of names that gain most together, of hidden ones those that gain more than `hidden` beyond the sum of their single gains.
   /// `half`, `left`: of `add_to`.
-  void add_pairs(const std::vector<int>& blocks, const Additions& best, const Eigen::MatrixXd& half,
-                 const Eigen::VectorXd& left) {
+  void add_pairs(const std::vector<int>& blocks, Pairs which, const Additions& best,
+                 const Eigen::MatrixXd& half, const Eigen::VectorXd& left) {
     std::vector<std::pair<double, int>> names;
     for (const auto& [id, found] : best)
       if (block(found.second).tau == 0.0) names.push_back(found);
@@ -186,7 +191,7 @@ class LinearSearch {
         const Eigen::LLT<Eigen::MatrixXd> factor(I);
         if (factor.info() != Eigen::Success) continue;
         const double gain = 0.5 * factor.matrixL().solve(g).squaredNorm();
-        if (gain > names[i].first + names[j].first + hidden)
+        if (which == Pairs::all || gain > names[i].first + names[j].first + hidden)
           pairs.push_back({gain, {names[i].second, names[j].second}});
       }
     std::stable_sort(pairs.begin(), pairs.end(),
@@ -198,8 +203,8 @@ class LinearSearch {
     }
   }
 
-  /// Keeps the likeliest sets with one member more (`pairs`: with two names, too). Returns the likeliest with one name more.
-  std::optional<LinearSet> add_to(const std::vector<int>& blocks, bool pairs = false) {
+  /// Keeps the likeliest sets with one member more, and with such pairs of names. Returns the likeliest with one name more.
+  std::optional<LinearSet> add_to(const std::vector<int>& blocks, Pairs pairs = Pairs::none) {
     const Key has = key_of(blocks);
     const Normal mine = normal_of(blocks);
     const auto k = static_cast<Eigen::Index>(mine.columns.size());
@@ -242,7 +247,7 @@ class LinearSearch {
       auto [entry, fresh] = best.try_emplace(add.member, gain, static_cast<int>(b));
       if (!fresh && gain > entry->second.first) entry->second = {gain, static_cast<int>(b)};
     }
-    if (pairs) add_pairs(blocks, best, half, left);
+    if (pairs != Pairs::none) add_pairs(blocks, pairs, best, half, left);
     std::vector<LinearSet> made;
     for (const auto& [id, found] : best) {
       if (!(found.first > 2.0)) continue;

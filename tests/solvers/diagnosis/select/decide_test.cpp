@@ -266,6 +266,23 @@ TEST_F(Decide, ANameBesideAStrongOneIsWorthAHundredthOfItOrNotGiven) {
   }
 }
 
+TEST_F(Decide, NamesThatAreNearlyAsLikelyAsACurveAreSaid) {
+  const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
+  for (const double behind : {2.9, 3.1}) {  // nats; one to twenty is 3.0
+    add({along_range}, 100.0);
+    add({name("settling"), along_range}, 99.0);
+    add({name("lever_arm"), name("settling")}, 100.0 - behind);
+    add({name("settling")}, 100.0 - behind - 0.1);
+    const SearchResult result = decided();
+    EXPECT_EQ(result.verdict, Verdict::unexplained);
+    EXPECT_EQ(result.nearly_as_likely, behind < 3.0 ? (std::vector<std::string>{"lever_arm", "settling"})
+                                                    : std::vector<std::string>());
+  }
+  add({name("settling")}, 20.0);
+  add({name("lever_arm")}, 19.0);
+  EXPECT_TRUE(decided().nearly_as_likely.empty()) << "no curve to stand for";
+}
+
 TEST_F(Decide, SetsThatWereSeenButNotFittedAreCounted) {
   add({name("settling")}, 20.0);
   table_.front()->proposals = {{{"tilt"}, 5.0, 20.0, false}, {{"settling"}, 20.0, 20.0, true}};

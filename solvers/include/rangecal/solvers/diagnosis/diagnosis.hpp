@@ -131,6 +131,8 @@ struct Diagnosis {
   /// Probability of the sets that were seen but not fitted, by the problem linearised at those that were; none where nothing was
   /// looked for.
   std::optional<double> evidence_omitted;
+  /// Where the likeliest set holds a curve without a name: the likeliest set of names alone, if its odds are no worse than one to twenty.
+  std::vector<std::string> nearly_as_likely;
   std::vector<std::vector<std::string>> twins;
   std::vector<Unseen> unseen;
   std::vector<NextExperiment> next_experiments;
@@ -173,10 +175,10 @@ struct DiagnoseOptions {
   double naming_gap_nats = 3.0;  ///< a rival within this many nats is a twin, not a loser
   int null_draws = 600;          ///< simulations of the battery under the fitted model
   bool held_out = true, unseen = true, next_experiments = true;
-  bool laws = false;                              ///< look for formulas of what has no name
-  std::optional<CurveFamily> curve;               ///< of pairs, as in CalibrateOptions; nullopt takes no spline
-  std::optional<Calibration> simulation;          ///< alpha and noise are held at this calibration;
-                                                  ///< one with effects is simulated, as diagnose_against
+  bool laws = false;                      ///< look for formulas of what has no name
+  std::optional<CurveFamily> curve;       ///< of pairs, as in CalibrateOptions; nullopt takes no spline
+  std::optional<Calibration> simulation;  ///< alpha and noise are held at this calibration;
+                                          ///< one with effects is simulated, as diagnose_against
   std::optional<std::vector<std::string>> force;  ///< fit exactly these effects, whatever the battery says
   /// Effects that are left out of the catalogue, along columns too. Exchanged labels, grids and missing readings are found before the
   /// search and cannot be.
