@@ -45,6 +45,7 @@ lambda 100 or more: wrong single name|clean, any design: alarm|everyday tables: 
 HEAD = "what                                                worlds    figure  95 % interval     at least"
 
 Row = namedtuple("Row", "name fresh lines seconds commit seed sources hash")
+Judged = namedtuple("Judged", "line what figure missed off")  # the line as README has it; off: by how much it differs from what was asked
 
 
 def rows_of(folder, commit, seed):
@@ -156,7 +157,7 @@ done
 
 def in_readme(text, rows, answers):
     """README with these figures: what was asked and not met, worst first, and after it the rows that README shows; in words the rest."""
-    judged = []  # (line as README has it, what it matched, how far it is from what was asked)
+    judged = []
     for row in rows:
         for line in row.lines:
             match = LIMIT.match(line)
@@ -164,16 +165,17 @@ def in_readme(text, rows, answers):
                 continue
             if what := IN_README.get(match["what"]):
                 line = what.format(row=row.name).ljust(len(match["what"] + match["gap"])) + match["rest"]
-            judged.append((line, match, abs(float(match["limit"] or match["held"]) - float(match["figure"]))))
-    missed = sorted((j for j in judged if j[1]["missed"]), key=lambda j: (-j[2], j[0]))
+            figure = float(match["figure"])
+            judged.append(Judged(line, match["what"], figure, match["missed"], abs(float(match["limit"] or match["held"]) - figure)))
+    missed = sorted((j for j in judged if j.missed), key=lambda j: (-j.off, j.line))
     met = []
     for what in README_SHOWS:  # of several rows the one nearest to its limit
-        met += sorted((j for j in judged if j[1]["what"] == what and not j[1]["missed"]), key=lambda j: (j[2], j[0]))[:1]
+        met += sorted((j for j in judged if j.what == what and not j.missed), key=lambda j: (j.off, j.line))[:1]
     further = len(judged) - len(missed) - len(met)
-    lines = [line for line, _, _ in missed + met]
+    lines = [j.line for j in missed + met]
     text = re.sub(rf"```\n{re.escape(HEAD)}.*?```", lambda _: "\n".join(["```", HEAD, *lines, "```"]), text, flags=re.S)
 
-    nothing = [float(m["figure"]) for _, m, _ in judged if "of nothing concealed" in m["what"] and not m["what"].startswith("everyday")]
+    nothing = [j.figure for j in judged if "of nothing concealed" in j.what and not j.what.startswith("everyday")]
 
     def took(row):
         seconds = [float(a["seconds"]) for a in answers if a["row"] == row]

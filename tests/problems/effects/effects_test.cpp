@@ -388,7 +388,7 @@ TEST(Effects, ASensorHasThoseOfWhatItMeasuresWith) {
   EXPECT_EQ(carrier_of("triangulation"), Carrier::light);
   EXPECT_EQ(carrier_of("lidar, phase shift"), Carrier::light);
   EXPECT_EQ(carrier_of("phase"), Carrier::not_known);
-  EXPECT_EQ(carrier_of(std::string()), Carrier::not_known);
+  EXPECT_EQ(carrier_of(""), Carrier::not_known);
   EffectContext context = effects_testing::example_context();
   const auto has = [&](Carrier carrier, const char* id) {
     context.carrier = carrier;

@@ -159,8 +159,8 @@ class LinearSearch {
   /// Per member its best block beside a set: gain [nats], of a curve less the cost of its size and choice; number of the block.
   using Additions = std::map<std::string, std::pair<double, int>>;
 
-  /// Adds the pairs of names that gain most together, of hidden ones those that gain more than `hidden` beyond the sum of their single gains.
-  /// `half`, `left`: of `add_to`.
+  /// Adds the pairs of names that gain most together, of hidden ones those that gain more than `hidden` beyond the sum of their single
+  /// gains. `half`, `left`: of `add_to`.
   void add_pairs(const std::vector<int>& blocks, Pairs which, const Additions& best,
                  const Eigen::MatrixXd& half, const Eigen::VectorXd& left) {
     std::vector<std::pair<double, int>> names;
