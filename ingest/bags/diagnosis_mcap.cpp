@@ -330,7 +330,7 @@ class DiagnosisMcap {
     const bool pairs = recordings_.front().kind == RecordingKind::pairs;
     std::set<std::string> covariates;
     for (const Recording& recording : recordings_)
-      for (const auto& [name, values] : columns_of(recording)) covariates.insert(name);
+      for (const auto& [name, values] : covariates_of(recording)) covariates.insert(name);
     if (!pairs) {
       scene_ = topic("/scene", scene_schema());
       transforms_ = topic("/tf", transform_schema());
@@ -368,10 +368,6 @@ class DiagnosisMcap {
   }
 
  private:
-  static const Covariates& columns_of(const Recording& recording) {
-    return recording.kind == RecordingKind::pairs ? recording.pairs.covariates
-                                                  : recording.readings.covariates;
-  }
   static const std::vector<double>& clock_of(const Recording& recording) {
     return recording.kind == RecordingKind::pairs ? recording.pairs.time_s : recording.readings.time_s;
   }
@@ -543,7 +539,7 @@ class DiagnosisMcap {
     message["before"] = residual_of(before_.readings[i]);
     if (completed_) message["after"] = residual_of(x);
     Json columns = Json::object();
-    for (const auto& [name, values] : columns_of(recording)) put(columns, name.c_str(), values[index]);
+    for (const auto& [name, values] : covariates_of(recording)) put(columns, name.c_str(), values[index]);
     message["covariates"] = columns;
     send(residuals_, times_[i], message);
   }

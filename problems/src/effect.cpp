@@ -169,8 +169,7 @@ Carrier carrier_of(const std::string& principle) {
 Carrier carrier_of(const Recording& recording) {
   for (const std::string& words : {recording.sensor.principle, recording.sensor.name})
     if (const Carrier carrier = carrier_of(words); carrier != Carrier::not_known) return carrier;
-  const Covariates& columns =
-      recording.kind == RecordingKind::pairs ? recording.pairs.covariates : recording.readings.covariates;
+  const Covariates& columns = covariates_of(recording);
   const bool reads_power = std::any_of(columns.begin(), columns.end(), [&](const auto& named) {
     return column_of(recording, named.first).unit == "dBm";
   });

@@ -786,10 +786,7 @@ void require_columns_of_formulas(std::span<const Recording> recordings) {
       if (slot.from != Slot::From::column) continue;
       std::set<std::string> columns;
       for (const Recording& recording : recordings)
-        for (const auto& [name, values] : recording.kind == RecordingKind::pairs
-                                              ? recording.pairs.covariates
-                                              : recording.readings.covariates)
-          columns.insert(name);
+        for (const auto& [name, values] : covariates_of(recording)) columns.insert(name);
       if (columns.contains(slot.name)) continue;
       std::vector<std::string> known;
       for (const Variable& v : variables) known.emplace_back(v.name);

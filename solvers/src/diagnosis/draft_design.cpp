@@ -11,7 +11,7 @@ namespace rangecal::diagnosis {
 DraftDesign::DraftDesign(const Rows& rows, const JointState& at) : state(at) {
   recording.kind = rows.context.kind;
   recording.known_distances = rows.problem.known_distances;
-  Covariates& covariates = rows.pairs ? recording.pairs.covariates : recording.readings.covariates;
+  Covariates& covariates = covariates_of(recording);
   const std::size_t columns = rows.context.covariates.size();
   for (std::size_t c = 0; c < columns; ++c) {
     covariates[rows.context.covariates[c]];

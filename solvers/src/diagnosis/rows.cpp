@@ -298,9 +298,7 @@ void summarise_columns(std::span<const Recording> recordings, Rows& rows) {
   const std::size_t columns = rows.context.covariates.size();
   for (std::size_t c = 0; c < columns; ++c) {
     const std::string& name = rows.context.covariates[c];
-    const auto has = [&](const Recording& recording) {
-      return (rows.pairs ? recording.pairs.covariates : recording.readings.covariates).count(name) > 0;
-    };
+    const auto has = [&](const Recording& recording) { return covariates_of(recording).count(name) > 0; };
     ColumnSummary summary;
     summary.role = column_of(*std::find_if(recordings.begin(), recordings.end(), has), name).role;
     double count = 0.0, squares = 0.0;  // Welford's recurrence
@@ -353,8 +351,7 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
     rows.range_max_m = std::min(rows.range_max_m, recording.sensor.range_max_m);
     if ((recording.kind == RecordingKind::pairs) != rows.pairs)
       throw InputError(recording.path + ": pairs and landmark recordings cannot be diagnosed together");
-    for (const auto& [name, values] : rows.pairs ? recording.pairs.covariates : recording.readings.covariates)
-      names.insert(name);
+    for (const auto& [name, values] : covariates_of(recording)) names.insert(name);
   }
   rows.context.covariates.assign(names.begin(), names.end());
   if (!rows.pairs) rows.problem = make_joint_problem(recordings);

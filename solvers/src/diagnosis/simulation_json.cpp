@@ -226,7 +226,7 @@ void recording_from_json(const Json& json, SimulationModel& model) {
     r.readings.range_m.assign(count, 1.0);
     r.readings.bearing_rad.assign(count, 0.0);
   }
-  Covariates& columns = r.kind == RecordingKind::pairs ? r.pairs.covariates : r.readings.covariates;
+  Covariates& columns = covariates_of(r);
   for (const auto& [name, values] : readings.at("covariates").items())
     columns[name] = column_of(readings.at("covariates"), name.c_str(), count);
   AddedChange added;

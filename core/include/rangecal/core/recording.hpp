@@ -165,6 +165,14 @@ struct Recording {
   std::vector<std::string> notes;
 };
 
+/// The covariate columns of its readings, of either kind.
+inline const Covariates& covariates_of(const Recording& recording) {
+  return recording.kind == RecordingKind::pairs ? recording.pairs.covariates : recording.readings.covariates;
+}
+inline Covariates& covariates_of(Recording& recording) {
+  return recording.kind == RecordingKind::pairs ? recording.pairs.covariates : recording.readings.covariates;
+}
+
 /// What the covariate column of that name is: as stated, else as its name says.
 Column column_of(const Recording& recording, const std::string& name);
 
